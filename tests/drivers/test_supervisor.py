@@ -175,9 +175,9 @@ def test_silence_degrades_and_the_next_valid_reading_recovers(virtual):
         await rig.supervisor.wait_for(ConnectionState.DEGRADED)
         assert (virtual.clock() - began) / 1e9 == pytest.approx(0.5, abs=0.01)
         assert STALE in rig.health.alarms
-        rig.supervisor.heard(valid=False)
+        rig.supervisor.reading_arrived(valid=False)
         assert rig.supervisor.state is ConnectionState.DEGRADED
-        rig.supervisor.heard(valid=True)
+        rig.supervisor.reading_arrived(valid=True)
         assert rig.supervisor.state is ConnectionState.STREAMING
         await rig.supervisor.stop()
 
@@ -191,7 +191,7 @@ def test_invalid_readings_keep_the_connection_but_silence_loses_it(virtual):
         await rig.supervisor.start()
         for _ in range(30):
             await asyncio.sleep(0.2)
-            rig.supervisor.heard(valid=False)
+            rig.supervisor.reading_arrived(valid=False)
         assert rig.supervisor.state is ConnectionState.DEGRADED
         before = virtual.clock()
         await rig.supervisor.wait_for(ConnectionState.FAULT)
@@ -261,7 +261,7 @@ def test_any_history_follows_the_table_and_closes_what_it_opened(virtual, script
         starts = []
         for verb, wait_s in acts:
             if verb in ("heard", "invalid"):
-                rig.supervisor.heard(verb == "heard")
+                rig.supervisor.reading_arrived(verb == "heard")
             elif verb == "alarm":
                 rig.health.alarms.set("test", "is odd", "look")
             elif verb == "clear":

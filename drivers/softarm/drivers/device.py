@@ -61,7 +61,7 @@ class Device(ABC):
             self.source,
             health=self.health,
             sink=sink,
-            heard=self.supervisor.heard,
+            on_reading=self.supervisor.reading_arrived,
             clock=self.clock,
         )
 

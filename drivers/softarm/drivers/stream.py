@@ -20,7 +20,7 @@ class ReadingStream(Generic[Value]):
         source: Where the readings come from.
         health: Counters to keep.
         sink: Takes each reading; what it raises is counted and logged, never passed on.
-        heard: Called after each reading with whether it was valid.
+        on_reading: Called after each reading with whether it was valid.
         clock: Host monotonic time.
     """
 
@@ -31,7 +31,7 @@ class ReadingStream(Generic[Value]):
         *,
         health: Health,
         sink: Sink = ignore,
-        heard: Callable[[bool], object] = bool,
+        on_reading: Callable[[bool], object] = bool,
         clock: Clock = monotonic,
     ) -> None:
         self.device = device
@@ -41,7 +41,7 @@ class ReadingStream(Generic[Value]):
         self.latest: Reading[Value] | None = None
         self._health = health
         self._sink = sink
-        self._heard = heard
+        self._on_reading = on_reading
         self._clock = clock
         self._count = 0
 
@@ -111,7 +111,7 @@ class ReadingStream(Generic[Value]):
             self._health.interval.add(reading.host_monotonic_ns - self.latest.host_monotonic_ns)
         self._health.frames += 1
         self.latest = reading
-        self._heard(reading.valid)
+        self._on_reading(reading.valid)
 
     def _pass_on(self, reading: Reading[Value]) -> None:
         try:

@@ -130,7 +130,7 @@ class Supervisor:
         self._observer = observer
         self._task: asyncio.Task[None] | None = None
         self._waiting: list[tuple[frozenset[ConnectionState], asyncio.Future[ConnectionState]]] = []
-        self._heard_ns = self._valid_ns = 0
+        self._last_reading_ns = self._valid_ns = 0
         self._failures_in_row = self._stops = 0
         health.alarms.observer = self._follow_alarms
 
@@ -175,15 +175,15 @@ class Supervisor:
         self._waiting.append((frozenset(states), future))
         return await future
 
-    def heard(self, valid: bool = True) -> None:
+    def reading_arrived(self, valid: bool = True) -> None:
         """Record a sign of life.
 
         Args:
             valid: Whether it was a valid reading, which also ends staleness.
         """
-        self._heard_ns = self._clock()
+        self._last_reading_ns = self._clock()
         if valid:
-            self._valid_ns = self._heard_ns
+            self._valid_ns = self._last_reading_ns
             self.health.alarms.clear(STALE)
 
     @property
@@ -241,7 +241,7 @@ class Supervisor:
             raise ConnectionLost(self.device, what, cure, limit=seconds, unit="s") from error
 
     def _begin_streaming(self) -> None:
-        self._heard_ns = self._valid_ns = self._clock()
+        self._last_reading_ns = self._valid_ns = self._clock()
         self.health.connections += 1
         if self._failures_in_row:
             logger.info("%s: back after %d failures", self.device, self._failures_in_row)
@@ -270,7 +270,7 @@ class Supervisor:
         stale_ns = round(timing.stale_after_s * NANOSECONDS)
         while True:
             now_ns = self._clock()
-            if lost_ns is not None and now_ns - self._heard_ns >= lost_ns:
+            if lost_ns is not None and now_ns - self._last_reading_ns >= lost_ns:
                 raise ConnectionLost(
                     self.device,
                     "stopped sending",
@@ -283,7 +283,7 @@ class Supervisor:
                 self._set_stale(now_ns)
                 due_ns = now_ns + stale_ns
             if lost_ns is not None:
-                due_ns = min(due_ns, self._heard_ns + lost_ns)
+                due_ns = min(due_ns, self._last_reading_ns + lost_ns)
             await asyncio.sleep(max(due_ns - now_ns, 1_000_000) / NANOSECONDS)
 
     def _set_stale(self, now_ns: int) -> None:

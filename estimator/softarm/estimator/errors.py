@@ -20,14 +20,14 @@ class InputError(ValueError):
         self.cure = cure
 
 
-def suggest(name: str, known: Iterable[str], otherwise: str, cutoff: float = 0.5) -> str:
+def suggest(name: str, names: Iterable[str], otherwise: str, cutoff: float = 0.5) -> str:
     """Name the known word that was probably meant, or return other advice where none is near.
 
     Args:
         name: What was given.
-        known: What might have been meant.
+        names: What might have been meant.
         otherwise: The other advice.
         cutoff: Likeness from which a word is near, from 0 to 1 (``difflib``).
     """
-    close = get_close_matches(name, list(known), n=1, cutoff=cutoff)
+    close = get_close_matches(name, list(names), n=1, cutoff=cutoff)
     return f"did you mean '{close[0]}'?" if close else otherwise

@@ -80,8 +80,8 @@ class NodeByNode(ModelWrapper):
 
     def with_scales(self, scales: Mapping[str, float]) -> Self:
         """Return a copy with other stiffness factors."""
-        known = {name: factor for name, factor in scales.items() if name in self.regions}
-        return replace(self, model=cast(Any, self.model).with_scales(known)) if known else self
+        own_scales = {name: factor for name, factor in scales.items() if name in self.regions}
+        return replace(self, model=cast(Any, self.model).with_scales(own_scales)) if own_scales else self
 
     def evaluate(
         self,

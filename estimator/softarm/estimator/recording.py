@@ -37,8 +37,8 @@ class Recording:
 
     def members(self, pattern: str) -> tuple[str, ...]:
         """List the first group of every column name that matches, in order of first appearance."""
-        found = (re.fullmatch(pattern, name) for name in self.columns)
-        return tuple(dict.fromkeys(match.group(1) for match in found if match))
+        matches = (re.fullmatch(pattern, name) for name in self.columns)
+        return tuple(dict.fromkeys(match.group(1) for match in matches if match))
 
     @property
     def chambers(self) -> tuple[int, ...]:

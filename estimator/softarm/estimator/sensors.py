@@ -26,11 +26,11 @@ def mounted_base(specimen: Specimen) -> Registration:
     For readings that are told relative to that body.
     """
     base = specimen.sections[0]
-    found = specimen.calibration.frame(base.name)
+    entry = specimen.calibration.frame(base.name)
     rest = from_quaternions(np.array(base.frame_quaternion))
-    turn = rest @ exp(np.array(found.misalignment_rad)) @ rest.T
+    rotation = rest @ exp(np.array(entry.misalignment_rad)) @ rest.T
     origin = np.array(base.frame_origin_m)
-    return Registration(turn, origin + rest @ np.array(found.offset_m) - turn @ origin)
+    return Registration(rotation, origin + rest @ np.array(entry.offset_m) - rotation @ origin)
 
 
 @dataclass(frozen=True)
@@ -63,15 +63,15 @@ class SpecimenSensors:
 
     def bend(self, section: str) -> Bend:
         """Return the two-axis bend against the section above, named ``bend_<section>``."""
-        found = self.specimen.calibration.bend(section)
+        entry = self.specimen.calibration.bend(section)
         return Bend(
             f"bend_{section}",
             self._index(section),
             self.specimen.noise.bend_rad,
             reference=self._above[section],
-            in_plane=found.rotation_rad.value,
-            bias=np.array([found.bias_x_rad.value, found.bias_y_rad.value]),
-            mirrored=found.mirrored,
+            in_plane=entry.rotation_rad.value,
+            bias=np.array([entry.bias_x_rad.value, entry.bias_y_rad.value]),
+            mirrored=entry.mirrored,
         )
 
     def orientation(self, section: str, sigma: float | None = None) -> Orientation:
@@ -91,14 +91,14 @@ class SpecimenSensors:
 
     def pose(self, section: str) -> MeasuredPose:
         """Pose of a motion-capture body on a section, named ``frame_<section>``."""
-        found = self.specimen.calibration.frame(section)
+        entry = self.specimen.calibration.frame(section)
         return MeasuredPose(
             f"frame_{section}",
             self._index(section),
             self.specimen.noise.position_m,
             self.specimen.noise.orientation_rad,
-            np.array(found.offset_m),
-            np.array(found.misalignment_rad),
+            np.array(entry.offset_m),
+            np.array(entry.misalignment_rad),
             self.registration,
         )
 
@@ -125,18 +125,18 @@ class SpecimenSensors:
                     np.array(marker.offset_m),
                     registration=self.registration,
                 )
-        known = ", ".join(marker.name for marker in self.specimen.markers) or "none"
-        raise InputError(f"marker {name}", "is not in the specimen", f"its markers are {known}")
+        names = ", ".join(marker.name for marker in self.specimen.markers) or "none"
+        raise InputError(f"marker {name}", "is not in the specimen", f"its markers are {names}")
 
     def actuation(self) -> ActuationMap:
         """From recorded pressures to those in the chambers."""
-        found = [self.specimen.calibration.chamber(chamber.index) for chamber in self.specimen.chambers]
-        none = (0.0,) * len(found)
+        entries = [self.specimen.calibration.chamber(chamber.index) for chamber in self.specimen.chambers]
+        none = (0.0,) * len(entries)
         return ActuationMap(
-            np.array([entry.gain.value for entry in found]),
-            np.array([entry.bias_pa.value for entry in found]),
+            np.array([entry.gain.value for entry in entries]),
+            np.array([entry.bias_pa.value for entry in entries]),
             self.specimen.noise.pressure_pa,
-            np.array([entry.curve_per_pa.value for entry in found]),
-            np.array([entry.bow_per_pa2.value for entry in found]),
-            np.array([entry.crosstalk or none for entry in found]),
+            np.array([entry.curve_per_pa.value for entry in entries]),
+            np.array([entry.quadratic_gain_per_pa2.value for entry in entries]),
+            np.array([entry.crosstalk or none for entry in entries]),
         )

@@ -46,7 +46,7 @@ class Diagnostics:
         self._arm = arm
         self._types = types
         self._clock = clock
-        self._heard_s = 0.0
+        self._received_s = 0.0
         self._state: State | None = None
         self._estimate: Estimate | None = None
         self._mismatch: Mismatch | None = None
@@ -54,7 +54,7 @@ class Diagnostics:
 
     def note_state(self, state: State) -> None:
         """Note a state for the next report."""
-        self._state, self._heard_s = state, self._clock()
+        self._state, self._received_s = state, self._clock()
 
     def note_estimate(self, estimate: Estimate) -> None:
         """Note an estimate for the next report."""
@@ -66,7 +66,7 @@ class Diagnostics:
 
     def report(self) -> Outgoing:
         """Report every part; all of them as stale when the service is not heard."""
-        state, age_s = self._state, self._clock() - self._heard_s
+        state, age_s = self._state, self._clock() - self._received_s
         if state is None:
             return self._message(
                 [Status("service", STALE, "nothing received from the service")], time.time_ns()

@@ -42,7 +42,7 @@ class Connection(asyncio.Protocol):
         self.device = device
         self.error: DeviceError | None = None
         self.listener: QtmSession | None = None
-        self.heard_ns = clock()
+        self.last_arrival_ns = clock()
         self._clock = clock
         self._parser = PacketParser()
         self._requests: deque[_Request] = deque()
@@ -129,7 +129,7 @@ class Connection(asyncio.Protocol):
 
     def data_received(self, data: bytes) -> None:
         """Dispatch the packets that these bytes complete."""
-        self.heard_ns = arrival_ns = self._clock()
+        self.last_arrival_ns = arrival_ns = self._clock()
         decoded = self._parser.feed(data)
         for kind, packet in decoded.frames:
             if kind == PacketKind.DATA:

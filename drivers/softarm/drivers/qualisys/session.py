@@ -87,7 +87,7 @@ class QtmSession:
         if self._connection.error is not None:
             raise self._connection.error
         now_ns = self._clock()
-        if now_ns - self._connection.heard_ns >= self._pause_ns:
+        if now_ns - self._connection.last_arrival_ns >= self._pause_ns:
             await self._check_alive(now_ns)
         if self._names_due and now_ns - self._names_requested_ns >= self._pause_ns:
             await self._read_names()
@@ -103,7 +103,7 @@ class QtmSession:
                 await answer
         except TimeoutError:
             self._health.timeouts += 1
-            if self._connection.heard_ns <= now_ns:
+            if self._connection.last_arrival_ns <= now_ns:
                 raise self._unanswered("GetState") from None
             self._connection.withdraw(answer)
 

@@ -121,8 +121,8 @@ def registered_again(
     """
     if not suite.base_recorded or all(placed.field != "base_rotation" for placed in effects):
         return suite
-    turned = simulate_with(effects, arm, world, drive).drive.base_rotation
-    return suite.moved(np.concatenate([np.zeros(3), recorded_turn(turned, effects)]))
+    rotations = simulate_with(effects, arm, world, drive).drive.base_rotation
+    return suite.moved(np.concatenate([np.zeros(3), recorded_turn(rotations, effects)]))
 
 
 def _some(time: Floats, pressures: Floats) -> tuple[Floats, Floats]:
@@ -173,23 +173,23 @@ class AugmentedEstimator(Generic[State, Step]):
         self._world = replace(self._world, stiffness=self._rest)
         self._last: ArmResponse | None = None
         self._pull = np.zeros((1, len(self._arm_model.sections), 6))
-        self._turn = np.eye(3)
+        self._base_rotation = np.eye(3)
 
     def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> ArmEstimate[State]:
         """Estimate at an instant; see ``softarm.estimator.inverse.Estimator.update``."""
         acting = self._settings.actuation.to_chamber(pressures)
         lost = ~np.isfinite(acting)
         drive = self._drive(time, np.where(lost, 0.0, acting), gravity)
-        seen = self._last or self._at_rest(drive)
+        last = self._last or self._at_rest(drive)
         pulled = replace(drive, wrenches=self._pull)
-        shaped, self._memories = advance_with(self._effects, self._world, pulled, seen, self._memories)
+        shaped, self._memories = advance_with(self._effects, self._world, pulled, last, self._memories)
         shaped = replace(shaped, wrenches=shaped.wrenches - self._pull)
-        self._couples, self._turn = shaped.couples, exp(shaped.base_rotation[0])
-        inner = self._segments.wrenches(self._own(seen.frames), shaped.couples)
-        self._estimator.follow(self._shaped((shaped.wrenches + inner).ravel(), self._turn))
+        self._couples, self._base_rotation = shaped.couples, exp(shaped.base_rotation[0])
+        inner = self._segments.wrenches(self._in_base_frame(last.frames), shaped.couples)
+        self._estimator.follow(self._shaped((shaped.wrenches + inner).ravel(), self._base_rotation))
         given = self._settings.actuation.to_measured(shaped.pressures[0])
         estimate = self._estimator.update(
-            time, self._undone(readings, shaped, seen), np.where(lost, np.nan, given), shaped.gravity[0]
+            time, self._undone(readings, shaped, last), np.where(lost, np.nan, given), shaped.gravity[0]
         )
         if np.isfinite(estimate.vector).all() and estimate.status != "diverged":
             self._last = self._response(estimate.frames)
@@ -215,19 +215,19 @@ class AugmentedEstimator(Generic[State, Step]):
         Returns:
             As they are measured, but for the sensors' gains [Pa]; none is below zero.
         """
-        found = np.maximum(pressures, 0.0)
+        commanded = np.maximum(pressures, 0.0)
         for _ in range(UNSHAPING):
-            drive = self._drive(0.0, found, np.zeros(3))
+            drive = self._drive(0.0, commanded, np.zeros(3))
             acting = standing_pressures(self._effects, self._world, drive)[0]
-            found = np.maximum(found + pressures - acting, 0.0)
-        return found
+            commanded = np.maximum(commanded + pressures - acting, 0.0)
+        return commanded
 
     def _bend(self, drive: Drive, estimate: ArmEstimate[State]) -> None:
         """Take the stiffness of the segments in the pose of an estimate; the couples keep their strains."""
         if not any(placed.field == "eigenstrains" for placed in self._effects):
             return
-        shaped = self._shaped(drive.wrenches.ravel(), self._turn)
-        step = self._arm_model.linearise(estimate.state, shaped.own_inputs(estimate.inputs))
+        shaped = self._shaped(drive.wrenches.ravel(), self._base_rotation)
+        step = self._arm_model.linearise(estimate.state, shaped.inner_inputs(estimate.inputs))
         rows = self._segments.rows(step.frames)
         _, motion = step.response(rows.reshape(-1, rows.shape[-1]))
         by_wrench = motion[:, self._arm_model.chambers :].reshape(rows.shape)
@@ -236,8 +236,8 @@ class AugmentedEstimator(Generic[State, Step]):
         self._world = replace(self._world, stiffness=bounded_inverse(compliance, self._rest)[None])
         self._couples = self._world.couples(strains)
 
-    def _shaped(self, wrenches: Floats, turn: Floats) -> ShapedModel[State, Step]:
-        return ShapedModel(self._arm_model, self._spread, wrenches, turn)
+    def _shaped(self, wrenches: Floats, base_rotation: Floats) -> ShapedModel[State, Step]:
+        return ShapedModel(self._arm_model, self._spread, wrenches, base_rotation)
 
     def _drive(self, time: float, acting: Floats, gravity: Floats) -> Drive:
         sections, segments = len(self._arm_model.sections), self._segments.count
@@ -251,17 +251,17 @@ class AugmentedEstimator(Generic[State, Step]):
         state, _ = model.solve(inputs, model.rest())
         return self._response(model.linearise(state, inputs).frames)
 
-    def _own(self, frames: Frames) -> Frames:
+    def _in_base_frame(self, frames: Frames) -> Frames:
         """Turn frames back into the base's own frame."""
-        turn = self._turn
-        return Frames(frames.positions @ turn, turn.T @ frames.rotations)
+        base_rotation = self._base_rotation
+        return Frames(frames.positions @ base_rotation, base_rotation.T @ frames.rotations)
 
     def _response(self, frames: Frames) -> ArmResponse:
         one = Frames(frames.positions[None], frames.rotations[None])
-        strains = self._segments.strains(self._own(one))
+        strains = self._segments.strains(self._in_base_frame(one))
         return ArmResponse(one, np.ones(1, dtype=bool), strains=strains)
 
-    def _undone(self, readings: Floats, drive: Drive, seen: ArmResponse) -> Floats:
+    def _undone(self, readings: Floats, drive: Drive, last: ArmResponse) -> Floats:
         """Take the effects of the sensors out of the readings, as far as the last estimate shows them."""
         sensing = [k for k, placed in enumerate(self._effects) if not placed.field]
         if not sensing:
@@ -269,11 +269,11 @@ class AugmentedEstimator(Generic[State, Step]):
         clean, memories = readings.copy(), list(self._memories)
         for sensor in self._suite.measurements:
             part = self._suite.reading_slices[sensor.name]
-            plain = sensor.predict(seen.frames)
+            plain = sensor.predict(last.frames)
             for k in sensing:
                 placed = self._effects[k]
                 if placed.spot.place.sensor == sensor.name:
-                    signals = replace(signals_of(drive, self._world, seen), reading=plain)
+                    signals = replace(signals_of(drive, self._world, last), reading=plain)
                     changed, memories[k] = placed.act(signals, self._memories[k])
                     lost = placed.effect.hides_reading
                     clean[part] = np.nan if lost else undo(clean[part], plain[0], changed[0])

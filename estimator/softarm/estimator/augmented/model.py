@@ -60,8 +60,8 @@ class ShapedStep(Generic[State, Step]):
     @property
     def frames(self) -> Frames:
         """Frames of the sections at the iterate."""
-        turn, own = self.model.turn, self.step.frames
-        return Frames(own.positions @ turn.T, turn @ own.rotations)
+        base_rotation, inner = self.model.base_rotation, self.step.frames
+        return Frames(inner.positions @ base_rotation.T, base_rotation @ inner.rotations)
 
     @property
     def residual_norm(self) -> float:
@@ -70,8 +70,8 @@ class ShapedStep(Generic[State, Step]):
 
     def response(self, rows: Floats) -> tuple[Floats, Floats]:
         """Project the motion of the sections on rows; see ``Linearisation.response``."""
-        own = (rows.reshape(-1, 3) @ self.model.turn).reshape(rows.shape)
-        drift, columns = self.step.response(own)
+        inner = (rows.reshape(-1, 3) @ self.model.base_rotation).reshape(rows.shape)
+        drift, columns = self.step.response(inner)
         chambers = self.model.chambers
         return drift, np.concatenate(
             [columns[:, :chambers], columns[:, chambers:] @ self.model.shares], axis=1
@@ -86,13 +86,13 @@ class ShapedModel(ModelWrapper, Generic[State, Step]):
         model: Model whose loads are the wrenches of its sections.
         spread: The unknown loads.
         wrenches: Known wrenches in the base frame, shape (6 sections,).
-        turn: Turn of the base, shape (3, 3).
+        base_rotation: Rotation of the base, shape (3, 3).
     """
 
     model: ArmModel[State, Step]
     spread: Spread
     wrenches: Floats
-    turn: Floats
+    base_rotation: Floats
 
     @property
     def loads(self) -> tuple[Load, ...]:
@@ -102,17 +102,19 @@ class ShapedModel(ModelWrapper, Generic[State, Step]):
     @cached_property
     def shares(self) -> Floats:
         """Wrenches in the wrapped model's base frame per unit of each load, shape (6 sections, loads)."""
-        return self._turned_back(self.spread.matrix)
+        return self._in_inner_axes(self.spread.matrix)
 
-    def _turned_back(self, wrenches: Floats) -> Floats:
+    def _in_inner_axes(self, wrenches: Floats) -> Floats:
         blocks = wrenches.reshape(-1, 3, *wrenches.shape[1:])
-        turned: Floats = np.einsum("ji,bj...->bi...", self.turn, blocks)
-        return turned.reshape(wrenches.shape)
+        rotated: Floats = np.einsum("ji,bj...->bi...", self.base_rotation, blocks)
+        return rotated.reshape(wrenches.shape)
 
-    def own_inputs(self, inputs: Inputs) -> Inputs:
+    def inner_inputs(self, inputs: Inputs) -> Inputs:
         """Return the wrapped model's inputs."""
-        known = self._turned_back(self.wrenches)
-        return Inputs(inputs.pressures, self.shares @ inputs.loads + known, self.turn.T @ inputs.gravity)
+        acting = self._in_inner_axes(self.wrenches)
+        return Inputs(
+            inputs.pressures, self.shares @ inputs.loads + acting, self.base_rotation.T @ inputs.gravity
+        )
 
     def rest(self) -> State:
         """Return the unloaded state."""
@@ -124,13 +126,13 @@ class ShapedModel(ModelWrapper, Generic[State, Step]):
 
     def linearise(self, state: State, inputs: Inputs) -> ShapedStep[State, Step]:
         """Linearise about a state under given inputs."""
-        return ShapedStep(self, self.model.linearise(state, self.own_inputs(inputs)))
+        return ShapedStep(self, self.model.linearise(state, self.inner_inputs(inputs)))
 
     def advance(self, step: ShapedStep[State, Step], change: Floats) -> State:
         """Take the Newton step for inputs changed by ``change`` (pressures, then loads)."""
-        own = np.concatenate([change[: self.chambers], self.shares @ change[self.chambers :]])
-        return self.model.advance(step.step, own)
+        inner = np.concatenate([change[: self.chambers], self.shares @ change[self.chambers :]])
+        return self.model.advance(step.step, inner)
 
     def solve(self, inputs: Inputs, start: State) -> tuple[State, bool]:
         """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
-        return self.model.solve(self.own_inputs(inputs), start)
+        return self.model.solve(self.inner_inputs(inputs), start)

@@ -108,8 +108,8 @@ def arrange(
     registration = _registration(recording, specimen, names)
     make = SpecimenSensors(specimen, names, registration)
     sensors = {**_bends(recording, make), **_poses(recording, make), **_markers(recording, make)}
-    known = {marker.name for marker in specimen.markers}
-    unknown = tuple(name for name in recording.markers if name not in known)
+    described = {marker.name for marker in specimen.markers}
+    unknown = tuple(name for name in recording.markers if name not in described)
     if not sensors:
         cure = "add bends, frames or markers of a section below the base"
         foreign = f": the specimen has no marker {unknown[0]!r}" if unknown else ""
@@ -228,9 +228,9 @@ def _averageable(poses: Floats) -> Floats:
 
 
 def _markers(recording: Recording, make: SpecimenSensors) -> Sensors:
-    known = {marker.name: marker for marker in make.specimen.markers}
-    named = [name for name in recording.markers if name in known]
-    below = [name for name in named if known[name].section != make.sections[0]]
+    markers = {marker.name: marker for marker in make.specimen.markers}
+    named = [name for name in recording.markers if name in markers]
+    below = [name for name in named if markers[name].section != make.sections[0]]
     made = [(make.marker(name), recording.marker(name)) for name in below]
     return {sensor.name: (sensor, values) for sensor, values in made}
 
@@ -254,12 +254,12 @@ def _registration(recording: Recording, specimen: Specimen, names: Sequence[str]
 
 def _registration_by_pose(recording: Recording, specimen: Specimen, section: str) -> Registration:
     pose = recording.pose(section)
-    seen = pose[np.isfinite(pose).all(axis=1)]
-    if not len(seen):
+    valid = pose[np.isfinite(pose).all(axis=1)]
+    if not len(valid):
         return Registration()
     base, mounted = specimen.section(section), specimen.calibration.frame(section)
     rest = from_quaternions(np.array(base.frame_quaternion))
-    recorded = mean_rotation(from_quaternions(seen[:, 3:]))
+    recorded = mean_rotation(from_quaternions(valid[:, 3:]))
     rotation = rest @ exp(np.array(mounted.misalignment_rad)) @ recorded.T
     origin = np.array(base.frame_origin_m) + rest @ np.array(mounted.offset_m)
-    return Registration(rotation, origin - rotation @ seen[:, :3].mean(axis=0))
+    return Registration(rotation, origin - rotation @ valid[:, :3].mean(axis=0))

@@ -92,8 +92,8 @@ def calibrate(
     train = training_flags(nodes)
     unseen = tuple(~flags for flags in train)
     forward = _forward(model, specimen, nodes)
-    known = forward.layout.means
-    first = solvable(forward, known)
+    prior_means = forward.layout.means
+    first = solvable(forward, prior_means)
     before = forward.evaluate(first)
     _require_solutions(before, nodes)
     gains: dict[str, AxesFit] = {}
@@ -114,7 +114,7 @@ def calibrate(
         trained.evaluations, _parts(nodes, train), _subset(before, unseen), _parts(nodes, unseen)
     )
     held_out = _part(everything, unseen).evaluate(trained.values, nearest)
-    old = before if np.array_equal(first, known) else ()
+    old = before if np.array_equal(first, prior_means) else ()
     check = _check(old, trained.evaluations, held_out, nodes, train)
     _require_improvement(check)
     near = joined(before, trained.evaluations, held_out, train)

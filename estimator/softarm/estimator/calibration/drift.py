@@ -63,8 +63,8 @@ def check_drift(
     Raises:
         InputError: The specimen does not say how its calibration scattered, or no sensor is shared.
     """
-    known = specimen.calibration.scatter
-    if not known:
+    expected = specimen.calibration.scatter
+    if not expected:
         raise InputError(
             f"specimen {specimen.name}", "was never calibrated", "run softarm calibrate on it first"
         )
@@ -73,19 +73,21 @@ def check_drift(
     groups: dict[str, list[float]] = {}
     for name, value in rms(evaluations, chosen).items():
         groups.setdefault(quantity_of(name), []).append(value)
-    shared = [name for name in groups if name in known]
+    shared = [name for name in groups if name in expected]
     if not shared:
         raise InputError(
             ", ".join(run.name for run in runs),
             "has no sensor that the calibration knew",
-            f"record one of {', '.join(known)}",
+            f"record one of {', '.join(expected)}",
         )
     count = sum(len(run_nodes.time) for run_nodes in chosen)
     limit = float(
         np.sqrt(fdtri(max(count / NODES_PER_FREEDOM, 1.0), CALIBRATION_FREEDOM, 1.0 - SIGNIFICANCE))
     )
     return tuple(
-        _judge(name, float(np.sqrt(np.mean(np.square(groups[name])))), known[name], max(limit, LEAST_RATIO))
+        _judge(
+            name, float(np.sqrt(np.mean(np.square(groups[name])))), expected[name], max(limit, LEAST_RATIO)
+        )
         for name in shared
     )
 

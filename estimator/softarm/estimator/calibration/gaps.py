@@ -18,8 +18,8 @@ def interpolate(wanted: Floats, time: Floats, values: Floats) -> Floats:
     observed = np.isfinite(values)
     if not observed.any():
         return np.full(len(wanted), np.nan)
-    times, known = time[observed], values[observed]
-    result = np.interp(wanted, times, known)
+    times, readings = time[observed], values[observed]
+    result = np.interp(wanted, times, readings)
     after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
     before = np.clip(after - 1, 0, len(times) - 1)
     nearest = np.minimum(np.abs(times[after] - wanted), np.abs(wanted - times[before]))

@@ -44,11 +44,11 @@ def identify(layout: Layout, values: Floats, covariance: Floats) -> tuple[Identi
         values: Their values, shape (unknowns,).
         covariance: Their covariance, shape (unknowns, unknowns).
     """
-    known = np.sqrt(np.diag(layout.prior_covariance()))
+    prior_std = np.sqrt(np.diag(layout.prior_covariance()))
     deviations = np.sqrt(np.diag(covariance))
     return tuple(
         _judge(unknown, float(value), float(std), float(std / spread))
-        for unknown, value, std, spread in zip(layout.unknowns, values, deviations, known, strict=True)
+        for unknown, value, std, spread in zip(layout.unknowns, values, deviations, prior_std, strict=True)
     )
 
 

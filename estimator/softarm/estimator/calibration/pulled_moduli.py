@@ -66,9 +66,9 @@ def moduli_from_pulls(
         before: An evaluation of all nodes, whose states the solves start from.
         train: Which nodes of each run it may see.
     """
-    pulled = [flags & _vented_pulls(own) for own, flags in zip(forward.nodes, train, strict=True)]
-    part = tuple(own.keep(f) for own, f in zip(forward.nodes, pulled, strict=True) if f.any())
-    near = tuple(own.keep(f) for own, f in zip(before, pulled, strict=True) if f.any())
+    pulled = [flags & _vented_pulls(node_set) for node_set, flags in zip(forward.nodes, train, strict=True)]
+    part = tuple(node_set.keep(f) for node_set, f in zip(forward.nodes, pulled, strict=True) if f.any())
+    near = tuple(node_set.keep(f) for node_set, f in zip(before, pulled, strict=True) if f.any())
     if sum(len(nodes.time) for nodes in part) <= FEWEST_PULLS:
         return PulledModuli(start, {})
     out = {u.name for u in forward.layout.unknowns if isinstance(u, PressureUnknown)}

@@ -121,11 +121,11 @@ def _bridged(recording: Recording, places: Floats) -> Floats:
     time, observed = recording.time, np.isfinite(places).all(axis=1)
     if not observed.any():
         return places
-    known = np.flatnonzero(observed)
-    after = np.clip(np.searchsorted(known, np.arange(len(time))), 0, len(known) - 1)
-    gap = time[known[after]] - time[known[np.maximum(after - 1, 0)]]
+    observed_rows = np.flatnonzero(observed)
+    after = np.clip(np.searchsorted(observed_rows, np.arange(len(time))), 0, len(observed_rows) - 1)
+    silence = time[observed_rows[after]] - time[observed_rows[np.maximum(after - 1, 0)]]
     bridged = np.column_stack([interpolate(time, time, column) for column in places.T])
-    return np.where((observed | (gap <= LONGEST_BRIDGE))[:, None], bridged, np.nan)
+    return np.where((observed | (silence <= LONGEST_BRIDGE))[:, None], bridged, np.nan)
 
 
 def require_unsaturated(recording: Recording, gauge: str, section: str) -> None:

@@ -24,8 +24,10 @@ def solvable(forward: Forward, known: Floats, factors: Sequence[float] = STIFFER
     A model that is too soft has none: its chambers would have run away at pressures that the arm was seen
     to bear.
     """
-    probes = tuple(own.keep(flags) for own, flags in zip(forward.nodes, _highest(forward.nodes), strict=True))
-    probes = tuple(own for own in probes if len(own.time))
+    probes = tuple(
+        node_set.keep(flags) for node_set, flags in zip(forward.nodes, _highest(forward.nodes), strict=True)
+    )
+    probes = tuple(node_set for node_set in probes if len(node_set.time))
     modulus = forward.layout.of(Modulus)
     values = known
     for factor in factors:
@@ -55,11 +57,11 @@ def best_scaled(forward: Forward, factors: Sequence[float], scatter: Scatter) ->
 
 def _highest(nodes: Sequence[Nodes]) -> tuple[Flags, ...]:
     """Return which nodes have the highest sums of pressures over all runs."""
-    sums = [own.pressures.sum(axis=1) for own in nodes]
+    sums = [node_set.pressures.sum(axis=1) for node_set in nodes]
     every = np.concatenate(sums)
     chosen = np.zeros(len(every), dtype=bool)
     chosen[np.argsort(-every, kind="stable")[:PROBES]] = True
-    return tuple(np.split(chosen, np.cumsum([len(own) for own in sums])[:-1]))
+    return tuple(np.split(chosen, np.cumsum([len(node_set) for node_set in sums])[:-1]))
 
 
 def sized_by_bends(specimen: Specimen, layout: Layout, first: Floats, axes: Mapping[str, AxesFit]) -> Floats:

@@ -20,9 +20,9 @@ def chamber_crosstalk(signals: Signals, theta: Floats, spot: Spot, memory: Memor
     owner = np.array(world.chamber_segment)
     pressures = signals.pressures.copy()
     for source in np.flatnonzero(spot.chambers):
-        turn = np.cos(world.chamber_azimuth - world.chamber_azimuth[source])
+        direction = np.cos(world.chamber_azimuth - world.chamber_azimuth[source])
         for segment in set(world.chamber_segment) - {int(owner[source])}:
-            target = int(np.argmax(np.where(owner == segment, turn, -np.inf)))
+            target = int(np.argmax(np.where(owner == segment, direction, -np.inf)))
             pressures[:, target] += share * signals.pressures[:, source]
     return pressures, memory
 
@@ -71,11 +71,11 @@ CHAMBER_GAIN = Effect(
 
 def fibre_twist(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
     """Add a twist t sum(p) of the segment's chambers: fibres wound at an angle turn pressure into torsion."""
-    (turn,) = theta
+    (angle,) = theta
     strains = signals.strains.copy()
     for segment in np.flatnonzero(spot.segments):
         inside = np.array(spot.world.chamber_segment) == segment
-        strains[:, segment, 2] += turn * signals.pressures[:, inside].sum(axis=1)
+        strains[:, segment, 2] += angle * signals.pressures[:, inside].sum(axis=1)
     return strains, memory
 
 

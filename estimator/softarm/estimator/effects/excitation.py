@@ -33,7 +33,7 @@ def inventory(time: Floats, pressures: Floats, gravity: Floats, limits: Floats) 
         gravity: Gravitational acceleration in the base frame, shape (samples, 3).
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
     """
-    found: set[Excitation] = set()
+    excitations: set[Excitation] = set()
     peaks = [_peaks(pressures[:, c]) for c in range(pressures.shape[1])]
     driven = pressures > OPEN
     alone = driven & (driven.sum(axis=1) == 1)[:, None]
@@ -51,8 +51,8 @@ def inventory(time: Floats, pressures: Floats, gravity: Floats, limits: Floats) 
         "mount_turned": mount_turned(gravity),
         "long_run": bool(time[-1] - time[0] >= LONG),
     }
-    found.update(name for name, there in tests.items() if there)
-    return frozenset(found)
+    excitations.update(name for name, there in tests.items() if there)
+    return frozenset(excitations)
 
 
 def _longest(time: Floats, kept: Flags) -> float:

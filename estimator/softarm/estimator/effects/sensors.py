@@ -15,8 +15,8 @@ def frame_misalignment(signals: Signals, theta: Floats, spot: Spot, memory: Memo
     """Turn the reading about the arm's axis: two bend axes, or a frame."""
     (yaw,) = theta
     if signals.reading.shape[-1] == BEND:
-        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
-        return signals.reading @ turn.T, memory
+        rotation = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        return signals.reading @ rotation.T, memory
     return with_offset(signals.reading, np.array([0.0, 0.0, yaw])), memory
 
 
@@ -144,9 +144,9 @@ def sensor_scale(signals: Signals, theta: Floats, spot: Spot, memory: Memory) ->
         return factor * reading, memory
     (first,) = memory or (reading[0],)
     rest = from_quaternions(first[-QUATERNION:])
-    turned = log(rest.T @ from_quaternions(reading[:, -QUATERNION:]))
+    rotation_vectors = log(rest.T @ from_quaternions(reading[:, -QUATERNION:]))
     place = first[:-QUATERNION] + factor * (reading[:, :-QUATERNION] - first[:-QUATERNION])
-    return np.concatenate([place, to_quaternions(rest @ exp(factor * turned))], axis=-1), (first,)
+    return np.concatenate([place, to_quaternions(rest @ exp(factor * rotation_vectors))], axis=-1), (first,)
 
 
 SENSOR_SCALE = Effect(

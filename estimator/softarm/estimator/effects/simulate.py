@@ -23,7 +23,7 @@ ITERATIONS = 40
 TOLERANCE = 1e-7
 """Change of a strain [rad, m], a base rotation [rad] or a wrench [N, N m] that ends the search."""
 FIRST_STEP = {"eigenstrains": 1.0, "wrenches": 1e-4, "base_rotation": 1.0}
-"""Share of the first gap to take: a stiff contact taken whole would throw the arm off the wall for good."""
+"""Share of the first residual to take: taken whole, a stiff contact would throw the arm off the wall."""
 
 SMALLEST_STEP = 1e-6
 
@@ -78,17 +78,17 @@ def simulate_with(
     response = arm.respond(drive, near)
     passes, settled = 1, not shares
     while not settled and passes < ITERATIONS:
-        gaps = {}
+        residuals = {}
         for k, share in shares.items():
             wanted, after[k] = _share(effects[k], world, drive, response, share, before[k])
-            gaps[k] = wanted - share
-        settled = all(float(np.abs(gap).max(initial=0.0)) < TOLERANCE for gap in gaps.values())
+            residuals[k] = wanted - share
+        settled = all(float(np.abs(residual).max(initial=0.0)) < TOLERANCE for residual in residuals.values())
         if settled:
             break
-        for k, gap in gaps.items():
-            step = _relaxed(gap, old.get(k), FIRST_STEP[effects[k].field])
-            old[k] = (gap, step)
-            shares[k] = shares[k] + _spread(step, gap) * gap
+        for k, residual in residuals.items():
+            step = _relaxed(residual, old.get(k), FIRST_STEP[effects[k].field])
+            old[k] = (residual, step)
+            shares[k] = shares[k] + _spread(step, residual) * residual
         drive = _loaded(base, effects, shares)
         response = arm.respond(drive, response)
         passes += 1
@@ -123,8 +123,8 @@ def advance_with(
         if effect.answers:
             # All material effects together own the couples: each sees the strain without any of them.
             material = effect.field == "eigenstrains"
-            own = world.strains(drive.couples) if material else _no_share(effect, drive)
-            shares[k], after[k] = _share(effect, world, drive, response, own, before[k])
+            previous = world.strains(drive.couples) if material else _no_share(effect, drive)
+            shares[k], after[k] = _share(effect, world, drive, response, previous, before[k])
     shaped = _loaded(base, effects, shares)
     couples = shaped.couples + world.couples(shaped.eigenstrains)
     return replace(shaped, couples=couples, eigenstrains=np.zeros_like(couples)), tuple(after)
@@ -174,27 +174,27 @@ def _no_share(placed: PlacedEffect, drive: Drive) -> Floats:
 
 
 def _share(
-    placed: PlacedEffect, world: World, drive: Drive, response: ArmResponse, own: Floats, before: Memory
+    placed: PlacedEffect, world: World, drive: Drive, response: ArmResponse, previous: Floats, before: Memory
 ) -> tuple[Floats, Memory]:
     """Compute what an effect adds in a response that already holds its own share."""
     signals = signals_of(drive, world, response)
     if placed.field == "eigenstrains":
-        signals = replace(signals, strains=signals.strains - own)
+        signals = replace(signals, strains=signals.strains - previous)
     share, memory = placed.change(signals, before)
-    return share.reshape(own.shape), memory
+    return share.reshape(previous.shape), memory
 
 
-def _spread(step: Floats, gap: Floats) -> Floats:
-    """Return a number of each sample the dimensions of a gap."""
-    return step.reshape(-1, *(1 for _ in gap.shape[1:]))
+def _spread(step: Floats, residual: Floats) -> Floats:
+    """Return a number of each sample the dimensions of a residual."""
+    return step.reshape(-1, *(1 for _ in residual.shape[1:]))
 
 
-def _relaxed(gap: Floats, old: tuple[Floats, Floats] | None, first: float) -> Floats:
-    """Return the share of each sample's gap to take (Aitken), shape (samples,)."""
+def _relaxed(residual: Floats, old: tuple[Floats, Floats] | None, first: float) -> Floats:
+    """Return the share of each sample's residual to take (Aitken), shape (samples,)."""
     if old is None:
-        return np.full(len(gap), first)
-    before = old[0].reshape(len(gap), -1)
-    change = gap.reshape(len(gap), -1) - before
+        return np.full(len(residual), first)
+    before = old[0].reshape(len(residual), -1)
+    change = residual.reshape(len(residual), -1) - before
     square = (change**2).sum(axis=1)
     step = -old[1] * (before * change).sum(axis=1) / np.where(square > 0.0, square, 1.0)
     return np.where(square > 0.0, np.clip(step, SMALLEST_STEP, 2.0), 1.0)

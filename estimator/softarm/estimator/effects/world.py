@@ -75,10 +75,10 @@ class World:
     @property
     def radii(self) -> Floats:
         """Radius of a thin ring that bends and stretches as each segment does [m], shape (segments,)."""
-        known = self.stiffness
-        if known.ndim == 4:
-            known = np.median(np.diagonal(known, axis1=2, axis2=3), axis=0)
-        radii: Floats = np.sqrt(2.0 * known[:, :2].mean(axis=1) / known[:, 3])
+        stiffness = self.stiffness
+        if stiffness.ndim == 4:
+            stiffness = np.median(np.diagonal(stiffness, axis1=2, axis2=3), axis=0)
+        radii: Floats = np.sqrt(2.0 * stiffness[:, :2].mean(axis=1) / stiffness[:, 3])
         return radii
 
     def couples(self, strains: Floats) -> Floats:

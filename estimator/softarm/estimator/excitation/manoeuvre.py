@@ -37,7 +37,7 @@ class Manoeuvre:
         times: Of the points [s], rising from 0, shape (points,).
         pressures: At the points [Pa], shape (points, chambers).
         by_hand: What somebody does to the arm; empty where nobody is needed.
-        turn: Rotation vector of the mount in its usual base frame [rad].
+        rotation: Rotation vector of the mount in its usual base frame [rad].
         forces: Force on the last section at the points, by hand, base frame [N], shape (points, 3).
     """
 
@@ -46,7 +46,7 @@ class Manoeuvre:
     times: Floats
     pressures: Floats
     by_hand: str = ""
-    turn: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
     forces: Floats | None = None
 
     @property

@@ -105,22 +105,24 @@ def plan_for(
         subject: Model of the arm.
         advance: Called with 1 after each pair on each manoeuvre.
     """
-    left = []
+    remaining = []
     for manoeuvre in manoeuvres:
         trial = subject.trial(manoeuvre)
-        left.append(ChosenManoeuvre(manoeuvre, tuple(_separation(trial, pair, advance) for pair in rivals)))
+        remaining.append(
+            ChosenManoeuvre(manoeuvre, tuple(_separation(trial, pair, advance) for pair in rivals))
+        )
     lacking, chosen = [ENOUGH] * len(rivals), []
-    while left and any(lack > 0.0 for lack in lacking):
-        best = max(left, key=lambda choice: choice.gain(lacking))
+    while remaining and any(lack > 0.0 for lack in lacking):
+        best = max(remaining, key=lambda choice: choice.gain(lacking))
         if best.gain(lacking) * best.seconds < 1.0:
             break
-        left.remove(best)
+        remaining.remove(best)
         chosen.append(best)
         lacking = [max(0.0, a - b) for a, b in zip(lacking, best.separations, strict=True)]
     return ExcitationPlan(tuple(chosen), tuple(rivals))
 
 
 def _separation(trial: SeparationTrial, pair: Rivals, advance: Callable[[float], None]) -> float:
-    found = trial.separation(pair.found, pair.rival)
+    value = trial.separation(pair.found, pair.rival)
     advance(1)
-    return found
+    return value

@@ -30,7 +30,7 @@ from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Se
 FADING = 3.0  # s, over which errors of readings and model forget
 SLOWEST = 0.87  # from sample to sample; readings scatter also at once, so that jumps count no more than so
 FLOOR = {"rad": 3.5e-3, "m": 1e-3}  # what repeated runs of one arm differ by, whatever the sensor
-KNOWN = 0.05  # how well calibration knows stiffness and gain of a segment
+CALIBRATION_STD = 0.05  # how well calibration knows stiffness and gain of a segment
 LEG = 15e3  # Pa between two solutions of the model along a path
 SAMPLES = 500
 SHORTEST, LONGEST = 0.04, 0.25  # s between samples
@@ -68,9 +68,9 @@ class SeparatedArm:
 
     def _drive(self, manoeuvre: Manoeuvre, time: Floats) -> Drive:
         """Return the drive of a manoeuvre; a turned mount turns gravity the other way."""
-        turn = exp(np.array(manoeuvre.turn))
+        rotation = exp(np.array(manoeuvre.rotation))
         sections = len(self.world.sections)
-        gravity = turn.T @ self.gravity
+        gravity = rotation.T @ self.gravity
         drive = Drive.of(time, manoeuvre.at(time), gravity, sections, self.segments.count)
         wrenches = drive.wrenches.copy()
         wrenches[:, -1, :3] = manoeuvre.force_at(time)
@@ -137,10 +137,10 @@ class SeparationTrial:
         owners = np.array(self.subject.world.chamber_segment)
         for segment in range(self.subject.segments.count):
             couples = np.zeros_like(self.drive.couples)
-            couples[:, segment] = -KNOWN * (base.strains * self.subject.world.stiffness)[:, segment]
+            couples[:, segment] = -CALIBRATION_STD * (base.strains * self.subject.world.stiffness)[:, segment]
             columns.append(self._moved(self.drive.plus(np.zeros_like(self.drive.wrenches), couples)))
             if len(owners):
-                gain = 1.0 + KNOWN * (owners == segment)
+                gain = 1.0 + CALIBRATION_STD * (owners == segment)
                 columns.append(self._moved(replace(self.drive, pressures=self.drive.pressures * gain)))
         return np.column_stack(columns)
 
@@ -153,7 +153,7 @@ class SeparationTrial:
         """Compute D^2 of an effect and its rival, fitted from the parameters given or, if less, from none."""
         wanted, parameters = self.readings(effect), rival.effect.parameters
 
-        def left(theta: Floats) -> Floats:
+        def residuals(theta: Floats) -> Floats:
             return self._unexplained(wanted - self.readings(replace(rival, theta=theta)))
 
         def slopes(theta: Floats) -> Floats:
@@ -161,24 +161,24 @@ class SeparationTrial:
 
         bounds = [p.lower for p in parameters], [p.upper for p in parameters]
         starts = [np.clip(theta, *bounds) for theta in (rival.theta.astype(float), rival.effect.neutral)]
-        start = min(starts, key=lambda theta: float((left(theta) ** 2).sum()))
+        start = min(starts, key=lambda theta: float((residuals(theta) ** 2).sum()))
         scale = [abs(p.typical) or p.spread for p in parameters]
-        found = least_squares(left, start, slopes, bounds, x_scale=scale, ftol=SETTLED, xtol=SETTLED)
-        return 2.0 * float(found.cost)
+        solution = least_squares(residuals, start, slopes, bounds, x_scale=scale, ftol=SETTLED, xtol=SETTLED)
+        return 2.0 * float(solution.cost)
 
     @cached_property
     def _explained(self) -> Floats:
         """Orthonormal basis of what calibration may explain, its prior's rows below the readings'."""
-        known = self.nuisances
-        basis: Floats = np.linalg.qr(np.vstack([known, np.eye(known.shape[1])]))[0]
+        nuisances = self.nuisances
+        basis: Floats = np.linalg.qr(np.vstack([nuisances, np.eye(nuisances.shape[1])]))[0]
         return basis
 
     def _unexplained(self, change: Floats) -> Floats:
         """Project changes onto what calibration does not explain, shape (rows + unknowns, ...)."""
         basis = self._explained
         padded = np.concatenate([change, np.zeros((basis.shape[1], *change.shape[1:]))])
-        left: Floats = padded - basis @ (basis.T @ padded)
-        return left
+        residual: Floats = padded - basis @ (basis.T @ padded)
+        return residual
 
     def _tangent(self, rival: PlacedEffect, theta: Floats) -> Floats:
         """Differentiate the readings by the rival's parameters, shape (rows, parameters)."""
@@ -198,10 +198,10 @@ def _between(clock: Floats, solved: ArmResponse, time: Floats, segments: Segment
     before = after - 1
     share = np.clip((time - clock[before]) / np.maximum(clock[after] - clock[before], 1e-12), 0.0, 1.0)
     low, high = solved.at(before), solved.at(after)
-    turn = log(np.swapaxes(low.frames.rotations, -1, -2) @ high.frames.rotations)
-    rotations = low.frames.rotations @ exp(share[:, None, None] * turn)
-    gap = high.frames.positions - low.frames.positions
-    frames = Frames(low.frames.positions + share[:, None, None] * gap, rotations)
+    rotation = log(np.swapaxes(low.frames.rotations, -1, -2) @ high.frames.rotations)
+    rotations = low.frames.rotations @ exp(share[:, None, None] * rotation)
+    offset = high.frames.positions - low.frames.positions
+    frames = Frames(low.frames.positions + share[:, None, None] * offset, rotations)
     part = share[:, None, None]
     between = {
         name: getattr(low, name) + part * (getattr(high, name) - getattr(low, name))

@@ -207,16 +207,16 @@ def build_fibres(mesh: Mesh, fibres: Sequence[Membrane | Springs], first: int) -
         elif fibre.surface in mesh.surfaces:
             parts.append(build_membrane(mesh, fibre, index))
         else:
-            known = ", ".join(mesh.surfaces)
-            raise InputError(f"fibres on {fibre.surface!r}", "no such surface", f"use one of {known}")
+            names = ", ".join(mesh.surfaces)
+            raise InputError(f"fibres on {fibre.surface!r}", "no such surface", f"use one of {names}")
     return merge_bars(parts)
 
 
 def _materials(mesh: Mesh, materials: Mapping[str, Material]) -> tuple[Material, ...]:
     for name in mesh.regions:
         if name not in materials:
-            known = ", ".join(materials)
-            raise InputError(f"region {name!r}", "it has no material", f"give it one (materials: {known})")
+            names = ", ".join(materials)
+            raise InputError(f"region {name!r}", "it has no material", f"give it one (materials: {names})")
     return tuple(materials[name] for name in mesh.regions)
 
 

@@ -58,8 +58,8 @@ def _candidates(kind: str, corners: Floats, points: Floats) -> tuple[Indices, In
     values, slopes = shape_functions(kind, _middle(kind)[None])
     middle, to_own = values[0] @ corners, np.linalg.inv(_regular(corners.transpose(0, 2, 1) @ slopes[0]))
     low, high = _box((corners - middle[:, None]) @ to_own.transpose(0, 2, 1))
-    own = (to_own[element] @ (points[which] - middle[element])[..., None])[..., 0]
-    near = ((own >= low[element]) & (own <= high[element])).all(axis=1)
+    local = (to_own[element] @ (points[which] - middle[element])[..., None])[..., 0]
+    near = ((local >= low[element]) & (local <= high[element])).all(axis=1)
     return which[near], element[near]
 
 
@@ -85,9 +85,9 @@ def _parent(kind: str, corners: Floats, targets: Floats) -> Floats:
     moving = np.arange(len(targets))
     for _ in range(INVERSE_MAP_ITERATIONS):
         values, slopes = shape_functions(kind, parent[moving])
-        gap = targets[moving] - (values[:, None] @ corners[moving])[:, 0]
+        residual = targets[moving] - (values[:, None] @ corners[moving])[:, 0]
         jacobian = _regular(corners[moving].transpose(0, 2, 1) @ slopes)
-        step = np.linalg.solve(jacobian, gap[..., None])[..., 0]
+        step = np.linalg.solve(jacobian, residual[..., None])[..., 0]
         parent[moving] += np.clip(step, -1.0, 1.0)
         moving = moving[np.abs(step).max(axis=1) >= 1e-12]
         if not len(moving):
@@ -133,13 +133,13 @@ def points_inside(mesh: Mesh, points: Floats, where: str) -> PointMap:
     Raises:
         InputError: A point lies outside.
     """
-    found, violation = locate(mesh, points)
+    interpolation, violation = locate(mesh, points)
     if (violation > 1e-3).any():
         index = int(np.argmax(violation))
         raise InputError(
             where, f"point {index} at {points[index].tolist()} m is outside the body", "move it inside"
         )
-    return found
+    return interpolation
 
 
 def cross_section(mesh: Mesh, height: float, resolution: int = 48) -> PointMap:
@@ -166,8 +166,8 @@ def cross_section(mesh: Mesh, height: float, resolution: int = 48) -> PointMap:
     spacing = (high[:2] - low[:2]).max() / resolution
     axes = [np.arange(low[k] + 0.5 * spacing, high[k], spacing) for k in range(2)]
     x, y = (grid.ravel() for grid in np.meshgrid(*axes, indexing="ij"))
-    found, violation = locate(mesh, np.column_stack([x, y, np.full(len(x), height)]))
+    interpolation, violation = locate(mesh, np.column_stack([x, y, np.full(len(x), height)]))
     keep = violation <= TOLERANCE
     if not keep.any():
         raise InputError(where, "the cross-section there is empty", "choose a height within the body")
-    return PointMap(found.nodes[keep], found.weights[keep])
+    return PointMap(interpolation.nodes[keep], interpolation.weights[keep])

@@ -97,9 +97,9 @@ def _frame_of(
 ) -> SectionFrame:
     if load.section is not None:
         if load.section not in sections:
-            known = ", ".join(sections)
+            names = ", ".join(sections)
             raise InputError(
-                f"load {load.name!r}", f"section {load.section!r} is unknown", f"use one of {known}"
+                f"load {load.name!r}", f"section {load.section!r} is unknown", f"use one of {names}"
             )
         return sections[load.section]
     if load.height is None:
@@ -133,17 +133,17 @@ def _supports(mesh: Mesh, load: DistributedLoad) -> list[tuple[str, Indices]]:
     """List the elements or facets, by kind, on which a distributed load acts."""
     if load.surface is not None:
         if load.surface not in mesh.surfaces:
-            known = ", ".join(mesh.surfaces)
+            names = ", ".join(mesh.surfaces)
             raise InputError(
-                f"load {load.name!r}", f"surface {load.surface!r} is unknown", f"use one of {known}"
+                f"load {load.name!r}", f"surface {load.surface!r} is unknown", f"use one of {names}"
             )
         surface = mesh.surfaces[load.surface]
         return [(surface.kind, surface.facets)]
     if load.region is None:
         return [(block.kind, block.connectivity) for block in mesh.blocks]
     if load.region not in mesh.regions:
-        known = ", ".join(mesh.regions)
-        raise InputError(f"load {load.name!r}", f"region {load.region!r} is unknown", f"use one of {known}")
+        names = ", ".join(mesh.regions)
+        raise InputError(f"load {load.name!r}", f"region {load.region!r} is unknown", f"use one of {names}")
     region = mesh.regions.index(load.region)
     return [(block.kind, block.connectivity[block.region == region]) for block in mesh.blocks]
 

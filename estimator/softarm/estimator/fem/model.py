@@ -181,8 +181,10 @@ class FiniteElementModel:
                 inverted, a chamber is open, or a load lies outside the body.
         """
         if clamp not in mesh.node_sets or not len(mesh.node_sets[clamp]):
-            known = ", ".join(mesh.node_sets)
-            raise InputError("mesh", f"it has no node set {clamp!r}", f"name the held nodes (it has {known})")
+            node_sets = ", ".join(mesh.node_sets)
+            raise InputError(
+                "mesh", f"it has no node set {clamp!r}", f"name the held nodes (it has {node_sets})"
+            )
         names = _chambers(mesh) if chambers is None else tuple(chambers)
         body = build_body(mesh, materials, names, fibres, mesh.node_sets[clamp])
         listed = [SectionNodes(section) if isinstance(section, str) else section for section in sections]
@@ -228,8 +230,8 @@ class FiniteElementModel:
         values = self.scales.copy()
         for name, value in scales.items():
             if name not in self.parameters:
-                known = ", ".join(self.parameters)
-                raise InputError("scales", f"{name!r} is unknown", f"use one of {known}")
+                names = ", ".join(self.parameters)
+                raise InputError("scales", f"{name!r} is unknown", f"use one of {names}")
             if not value > 0.0:
                 raise InputError("scales", f"{name} = {value} is not positive", "give a factor above 0")
             values[self.parameters.index(name)] = value

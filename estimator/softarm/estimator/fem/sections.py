@@ -199,8 +199,8 @@ def build_section(mesh: Mesh, section: SectionNodes) -> SectionFrame:
         return frame_of_points(points_inside(mesh, place, where), mesh, place[0], rotation)
     nodes = mesh.node_sets.get(f"section_{section.name}")
     if nodes is None or not len(nodes):
-        known = ", ".join(sorted(n for n in mesh.node_sets if n.startswith("section_"))) or "none"
-        raise InputError(where, f"the mesh has no node set for it (it has {known})", "name it in the mesh")
+        names = ", ".join(sorted(n for n in mesh.node_sets if n.startswith("section_"))) or "none"
+        raise InputError(where, f"the mesh has no node set for it (it has {names})", "name it in the mesh")
     origin = None if section.origin is None else np.array(section.origin)
     return _frame(node_map(nodes), mesh, origin, rotation, where)
 

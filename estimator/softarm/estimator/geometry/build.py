@@ -70,12 +70,12 @@ def _lobes(specimen: Specimen, count: int) -> tuple[float, list[tuple[int, ...]]
     start = specimen.chambers[0].azimuth_rad
     lobes: list[list[int]] = [[] for _ in range(count)]
     for chamber in specimen.chambers:
-        turns = (chamber.azimuth_rad - start) / (2.0 * np.pi / count)
-        if abs(turns - round(turns)) > 1e-6:
+        fractions = (chamber.azimuth_rad - start) / (2.0 * np.pi / count)
+        if abs(fractions - round(fractions)) > 1e-6:
             raise InputError(
                 f"{specimen.name}: chambers[{chamber.index}].azimuth_rad",
                 f"{chamber.azimuth_rad} rad is not in line with a chamber of the first segment",
                 "give all segments the same azimuths, or bring a mesh file",
             )
-        lobes[round(turns) % count].append(chamber.index)
+        lobes[round(fractions) % count].append(chamber.index)
     return start, [tuple(members) for members in lobes]

@@ -29,12 +29,12 @@ def lobe_patches(shape: SweptLobes, height: float, azimuth: float, resolution: R
     radius = float(np.interp(height, shape.station_heights_m, shape.lobe_radii_m))
     patches = []
     for lobe in range(3):
-        turn = azimuth + lobe * 2.0 * np.pi / 3.0 - 0.5 * np.pi
-        patches += [moved(part, turn, ORIGIN) for part in _core(radius, resolution.arc_divisions)]
-        shift = radius / np.sqrt(3.0) * np.array([-np.sin(turn), np.cos(turn)])
+        angle = azimuth + lobe * 2.0 * np.pi / 3.0 - 0.5 * np.pi
+        patches += [moved(part, angle, ORIGIN) for part in _core(radius, resolution.arc_divisions)]
+        shift = radius / np.sqrt(3.0) * np.array([-np.sin(angle), np.cos(angle)])
         half = _half_lobe(radius, shape.wall_m, shape.floor_m, resolution, lobe)
         other = [_mirrored(part, lambda points: points * [-1.0, 1.0]) for part in half]
-        patches += [moved(part, turn, shift) for part in half + other]
+        patches += [moved(part, angle, shift) for part in half + other]
     return patches
 
 
@@ -45,11 +45,11 @@ def _core(radius: float, around: int) -> list[Patch]:
     top = np.array([0.0, side])
     right = side * np.array([np.cos(-np.pi / 6.0), np.sin(-np.pi / 6.0)])
     inner = CORE_SHARE * vertex
-    beside, below = 0.5 * (vertex + top), 0.5 * (vertex + right)
+    upper, below = 0.5 * (vertex + top), 0.5 * (vertex + right)
     divisions = (around, around)
     return [
-        straight([vertex, beside, inner, below], divisions),
-        straight([beside, top, ORIGIN, inner], divisions),
+        straight([vertex, upper, inner, below], divisions),
+        straight([upper, top, ORIGIN, inner], divisions),
         straight([below, inner, ORIGIN, right], divisions),
     ]
 
@@ -151,12 +151,12 @@ def _around(half_sector: list[Patch], count: int, azimuth: float) -> list[Patch]
     """Mirror half a sector and repeat it around the axis; chamber 0 is centred at ``azimuth`` [rad]."""
     patches = []
     for number in range(count):
-        turn = azimuth + (2.0 * number - 1.0) * np.pi / count
+        angle = azimuth + (2.0 * number - 1.0) * np.pi / count
         for patch in half_sector:
-            own = patch._replace(cavity=number) if patch.cavity >= 0 else patch
-            patches.append(moved(own, turn, ORIGIN))
-            mirrored = _mirrored(own, lambda points: points * [1.0, -1.0])
-            patches.append(moved(mirrored, turn + 2.0 * np.pi / count, ORIGIN))
+            placed = patch._replace(cavity=number) if patch.cavity >= 0 else patch
+            patches.append(moved(placed, angle, ORIGIN))
+            mirrored = _mirrored(placed, lambda points: points * [1.0, -1.0])
+            patches.append(moved(mirrored, angle + 2.0 * np.pi / count, ORIGIN))
     return patches
 
 

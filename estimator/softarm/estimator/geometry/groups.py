@@ -107,8 +107,8 @@ class MeshFileContent:
         if separator and array in self.mesh.cell_data:
             number = _number(value, where)
             return [np.flatnonzero(np.asarray(v).ravel() == number) for v in self.mesh.cell_data[array]]
-        known = self.group_names()
-        cure = suggest(group, known, f"the file has {', '.join(known) or 'no groups'}")
+        names = self.group_names()
+        cure = suggest(group, names, f"the file has {', '.join(names) or 'no groups'}")
         raise InputError(where, f"no group '{group}' in {self.path.name}", cure)
 
     def group_names(self) -> list[str]:

@@ -68,19 +68,19 @@ def _regions(
 ) -> list[Indices]:
     """Find the part that each element of each block belongs to."""
     parts = specimen.parts
-    found = [np.full(len(connectivity), -1) for _, connectivity in content.blocks]
+    regions = [np.full(len(connectivity), -1) for _, connectivity in content.blocks]
     if geometry.regions:
         for index, part in enumerate(parts):
             where = f"{path}: geometry.regions.{part.name}"
             if part.name not in geometry.regions:
                 raise InputError(where, "missing", "name the group of this part's elements")
             for block, members in enumerate(content.elements(geometry.regions[part.name], where)):
-                found[block][members] = index
+                regions[block][members] = index
     else:
         ends = np.array([part.to_m for part in parts[:-1]])
         for block, (_, connectivity) in enumerate(content.blocks):
-            found[block] = np.searchsorted(ends, points[connectivity, 2].mean(axis=1))
-    lost = sum(int((region < 0).sum()) for region in found)
+            regions[block] = np.searchsorted(ends, points[connectivity, 2].mean(axis=1))
+    lost = sum(int((region < 0).sum()) for region in regions)
     if lost:
         raise InputError(
             f"{path}: geometry.regions",
@@ -88,11 +88,11 @@ def _regions(
             "name groups that hold all",
         )
     for index, part in enumerate(parts):
-        if not any((region == index).any() for region in found):
+        if not any((region == index).any() for region in regions):
             raise InputError(
                 f"{path}: {part.name}", "no element lies in this part", "correct its group or its heights"
             )
-    return found
+    return regions
 
 
 def _clamp(
@@ -110,18 +110,18 @@ def _tolerance(points: Floats) -> float:
 def _section(mesh: Mesh, section: Section) -> Indices:
     """Find the nodes that carry a section's frame: held ones, or those that touch no other part."""
     if section.from_m == section.to_m:
-        found = np.flatnonzero(np.abs(mesh.points[:, 2] - section.from_m) <= _tolerance(mesh.points))
+        nodes = np.flatnonzero(np.abs(mesh.points[:, 2] - section.from_m) <= _tolerance(mesh.points))
     else:
         region = mesh.regions.index(section.name)
         mine, others = np.zeros(len(mesh.points), dtype=bool), np.zeros(len(mesh.points), dtype=bool)
         for block in mesh.blocks:
             mine[block.connectivity[block.region == region]] = True
             others[block.connectivity[block.region != region]] = True
-        found = np.flatnonzero(mine & ~others)
-        if len(found) < 3:
-            found = np.flatnonzero(mine)
-    held = np.intersect1d(found, mesh.node_sets["clamp"])
-    return held if len(held) >= 3 else found
+        nodes = np.flatnonzero(mine & ~others)
+        if len(nodes) < 3:
+            nodes = np.flatnonzero(mine)
+    held = np.intersect1d(nodes, mesh.node_sets["clamp"])
+    return held if len(held) >= 3 else nodes
 
 
 def _surfaces(
@@ -180,10 +180,10 @@ def _nearest_surface(
     best, angle = None, np.pi / 6.0
     for rows in inner:
         centre = points[boundary[rows]].reshape(-1, 3).mean(axis=0)
-        turn = np.arctan2(centre[1], centre[0]) - chamber.azimuth_rad
-        gap = abs((turn + np.pi) % (2.0 * np.pi) - np.pi)
-        if chamber.from_m < centre[2] < chamber.to_m and gap < angle:
-            best, angle = rows, gap
+        azimuth = np.arctan2(centre[1], centre[0]) - chamber.azimuth_rad
+        distance = abs((azimuth + np.pi) % (2.0 * np.pi) - np.pi)
+        if chamber.from_m < centre[2] < chamber.to_m and distance < angle:
+            best, angle = rows, distance
     if best is None:
         raise InputError(
             where,

@@ -48,8 +48,8 @@ def arc(centre: Floats, radius: float, start: float, end: float) -> Curve:
 def transform(curve: Curve, rotation: float, shift: Floats) -> Curve:
     """Rotate a curve about the origin [rad] and shift it [m]."""
     c, s = np.cos(rotation), np.sin(rotation)
-    turn = np.array([[c, -s], [s, c]])
-    return lambda parameter: curve(parameter) @ turn.T + shift
+    rotate_axes = np.array([[c, -s], [s, c]])
+    return lambda parameter: curve(parameter) @ rotate_axes.T + shift
 
 
 def straight(corners: Sequence[Floats], divisions: tuple[int, int]) -> Patch:

@@ -88,13 +88,13 @@ def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     for candidate in (common, *alone):
         if candidate is not None and _shared(shifts, candidate[0]):
             return _mended(recording, ("pressures",), "the motion", candidate)
-    found: list[RecordingFault] = []
+    faults: list[RecordingFault] = []
     mended = recording
     for name, one in zip(shifts.names, alone, strict=True):
         if one is not None:
             mended, more = _mended(mended, (name,), name, one)
-            found += more
-    return mended, tuple(found)
+            faults += more
+    return mended, tuple(faults)
 
 
 def _shared(shifts: Shifts, lag: float) -> bool:
@@ -187,14 +187,14 @@ def _correlated_s(grid: Grid) -> float:
     return grid.step * float(np.mean([correlation_length(column) for column in motion.T]))
 
 
-def likelihoods(left: Floats, samples: float) -> Floats:
+def likelihoods(unexplained: Floats, samples: float) -> Floats:
     """Compute the logarithm of each shift's likelihood from the share of variance that it leaves.
 
     Args:
-        left: Shares, of any shape.
+        unexplained: Shares, of any shape.
         samples: Independent samples behind them.
     """
-    return np.asarray(-0.5 * samples * np.log(left + FORM))
+    return np.asarray(-0.5 * samples * np.log(unexplained + FORM))
 
 
 def _unexplained(grid: Grid, lags: Floats) -> tuple[Floats, Floats]:
@@ -209,18 +209,18 @@ def _unexplained(grid: Grid, lags: Floats) -> tuple[Floats, Floats]:
     scale = max(float(np.abs(grid.pressures).max()), 1.0)
     both = np.column_stack([grid.pressures, first_order(grid.pressures, grid.step / SLOW)]) / scale
     both = np.column_stack([both, np.ones(len(both))])
-    seen = np.asarray(np.isfinite(grid.values).all(axis=1))
+    valid = np.asarray(np.isfinite(grid.values).all(axis=1))
     edge = int(np.ceil(np.abs(lags).max() / grid.step))
-    rows = np.flatnonzero(seen)
-    rows = rows[(rows >= edge) & (rows < len(seen) - edge)]
+    rows = np.flatnonzero(valid)
+    rows = rows[(rows >= edge) & (rows < len(valid) - edge)]
     predicted, fitted = np.ones((2, len(lags), grid.values.shape[1]))
     if len(rows) < 5 * both.shape[1]:
         return predicted, fitted
     values = grid.values[rows] - grid.values[rows].mean(axis=0)
     power = np.maximum((values**2).sum(axis=0), 1e-30)
     for k, lag in enumerate(lags):
-        wrong = _regressed(both[rows - round(lag / grid.step)], values)
-        predicted[k], fitted[k] = (part / power for part in wrong)
+        sums = _regressed(both[rows - round(lag / grid.step)], values)
+        predicted[k], fitted[k] = (part / power for part in sums)
     return predicted, fitted
 
 
@@ -241,9 +241,9 @@ def _regressed(design: Floats, values: Floats) -> tuple[Floats, Floats]:
     whole, right = inner.sum(axis=0), outer.sum(axis=0)
     laws = np.linalg.solve(whole - inner + ridge, right - outer)
     law = np.linalg.solve(whole + ridge, right)
-    wrong: Floats = (power + (laws * (inner @ laws - 2.0 * outer)).sum(axis=1)).sum(axis=0)
-    left: Floats = power.sum(axis=0) + (law * (whole @ law - 2.0 * right)).sum(axis=0)
-    return wrong, left
+    held_out: Floats = (power + (laws * (inner @ laws - 2.0 * outer)).sum(axis=1)).sum(axis=0)
+    residual: Floats = power.sum(axis=0) + (law * (whole @ law - 2.0 * right)).sum(axis=0)
+    return held_out, residual
 
 
 def moved_pressures(recording: Recording, lag: float) -> Recording:

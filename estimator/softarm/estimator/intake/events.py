@@ -68,7 +68,7 @@ Touches = dict[int, list[tuple[float, float]]]
 
 
 @dataclass(frozen=True)
-class Errors:
+class HeldOutErrors:
     """What a law leaves of each window, from predictions that have not seen it.
 
     Args:
@@ -103,20 +103,20 @@ def find_events(recording: Recording, specimen: Specimen) -> tuple[Disturbance, 
     if not _has_law(recording, streams):
         return ()
     touched = _touches(recording, streams)
-    left = law_errors(recording, streams, touched)
-    if left is None:
+    fit = law_errors(recording, streams, touched)
+    if fit is None:
         return ()
-    if elsewhere := _relocated(recording, streams, left):
+    if elsewhere := _relocated(recording, streams, fit):
         touched |= elsewhere
-        left = law_errors(recording, streams, touched) or left
-    numbers = np.unique(left.grid.stream)
-    chances = np.array([_probability(left, left.grid.stream == k) for k in numbers])
+        fit = law_errors(recording, streams, touched) or fit
+    numbers = np.unique(fit.grid.stream)
+    chances = np.array([_probability(fit, fit.grid.stream == k) for k in numbers])
     for row, number in enumerate(numbers):
         for begin, end in touched[int(number)]:
-            first, last = (int(np.clip(t - left.grid.time[0], 0, chances.shape[1] - 1)) for t in (begin, end))
+            first, last = (int(np.clip(t - fit.grid.time[0], 0, chances.shape[1] - 1)) for t in (begin, end))
             chances[row, first : last + 1] = 1.0
     events = (
-        _event(recording, specimen, streams, left, chances, begin, end)
+        _event(recording, specimen, streams, fit, chances, begin, end)
         for begin, end in _stretches(chances.max(axis=0))
     )
     return tuple(event for event in events if event is not None)
@@ -147,25 +147,25 @@ def _touches(recording: Recording, streams: tuple[SampledStream, ...]) -> Touche
     return found
 
 
-def _relocated(recording: Recording, streams: tuple[SampledStream, ...], left: Errors) -> Touches:
+def _relocated(recording: Recording, streams: tuple[SampledStream, ...], fit: HeldOutErrors) -> Touches:
     """Find the stretches in which a stream reads with an offset, since it was lost."""
-    grid = left.grid
-    found: Touches = {}
+    grid = fit.grid
+    relocated: Touches = {}
     for k in np.unique(grid.stream).tolist():
         moments = losses(recording.time, streams[k].values, LOST)
-        own = np.flatnonzero(grid.stream == k)
-        values, spreads = grid.values[np.ix_(left.rows, own)], left.spreads[own]
-        least = np.array([LEAST[grid.units[index]] for index in own])
+        columns = np.flatnonzero(grid.stream == k)
+        values, spreads = grid.values[np.ix_(fit.rows, columns)], fit.spreads[columns]
+        least = np.array([LEAST[grid.units[index]] for index in columns])
         shift = relocation(
-            grid.time[left.rows],
-            left.precision,
+            grid.time[fit.rows],
+            fit.precision,
             (values - np.median(values, axis=0)) / spreads,
             moments,
             least / spreads,
         )
         if shift is not None:
-            found[k] = [_shorter_side(recording.time, shift)]
-    return found
+            relocated[k] = [_shorter_side(recording.time, shift)]
+    return relocated
 
 
 def _shorter_side(time: Floats, moment: float) -> tuple[float, float]:
@@ -189,16 +189,18 @@ def _runs(flags: Flags, time: Floats) -> list[float]:
 
 def _between(times: Sequence[float]) -> list[tuple[float, float]]:
     """Turn moments of unprovoked motion into stretches: those close together begin and end one touch."""
-    found: list[tuple[float, float]] = []
+    stretches: list[tuple[float, float]] = []
     for moment in times:
-        if found and moment - found[-1][1] <= TOUCH:
-            found[-1] = (found[-1][0], moment)
+        if stretches and moment - stretches[-1][1] <= TOUCH:
+            stretches[-1] = (stretches[-1][0], moment)
         else:
-            found.append((moment, moment))
-    return [(begin, end if end > begin else end + 3.0) for begin, end in found]
+            stretches.append((moment, moment))
+    return [(begin, end if end > begin else end + 3.0) for begin, end in stretches]
 
 
-def law_errors(recording: Recording, streams: tuple[SampledStream, ...], touched: Touches) -> Errors | None:
+def law_errors(
+    recording: Recording, streams: tuple[SampledStream, ...], touched: Touches
+) -> HeldOutErrors | None:
     """Predict every second of a recording from all others.
 
     Args:
@@ -220,10 +222,10 @@ def law_errors(recording: Recording, streams: tuple[SampledStream, ...], touched
     scaled = (grid.values[rows] - np.median(grid.values[rows], axis=0)) / spreads
     numbers = (inputs.time - grid.time[0]).astype(np.int64)
     trusted = np.ones(len(rows))
-    for begin, end in (stretch for own in touched.values() for stretch in own):
+    for begin, end in (stretch for stretches in touched.values() for stretch in stretches):
         trusted[(inputs.time >= begin - GUARD) & (inputs.time <= end + GUARD)] = LEAST_WEIGHT
     errors, variances, inverse = _robust(inputs, scaled, numbers, trusted)
-    return Errors(grid, rows, errors * spreads, variances, spreads, numbers, inverse)
+    return HeldOutErrors(grid, rows, errors * spreads, variances, spreads, numbers, inverse)
 
 
 def _robust(
@@ -242,8 +244,10 @@ def _robust(
         second = left_out(inverse, values, ((clock + BLOCK / 2) // BLOCK).astype(np.int64))
         inner = np.abs(clock % BLOCK - BLOCK / 2) < BLOCK / 4
         errors = np.where(inner[:, None], first[0], second[0])
-        own = own_noise(inputs, theta)
-        variances = np.maximum(np.where(inner, first[1], second[1]) - own / weights, 0.0) + own + LAW_ERROR**2
+        noise = own_noise(inputs, theta)
+        variances = (
+            np.maximum(np.where(inner, first[1], second[1]) - noise / weights, 0.0) + noise + LAW_ERROR**2
+        )
         squares = _by_second(np.mean(errors**2, axis=1) / variances, seconds)
         weights = np.clip((FREEDOM + 1.0) / (FREEDOM + squares[seconds]), LEAST_WEIGHT, trusted)
     return errors, variances, inverse
@@ -266,19 +270,19 @@ def _pulled(recording: Recording, grid: Grid) -> Flags:
     return pulled
 
 
-def _probability(left: Errors, own: Flags) -> Floats:
+def _probability(fit: HeldOutErrors, columns: Flags) -> Floats:
     """Compute the probability of an event in each second of one stream, shape (seconds,)."""
-    count = int(left.seconds[-1]) + 1
-    size = int(own.sum())
+    count = int(fit.seconds[-1]) + 1
+    size = int(columns.sum())
     squared = np.array(  # not squared means: a swing has none
         [
-            _by_second((column / spread) ** 2, left.seconds)
-            for column, spread in zip(left.errors[:, own].T, left.spreads[own], strict=True)
+            _by_second((column / spread) ** 2, fit.seconds)
+            for column, spread in zip(fit.errors[:, columns].T, fit.spreads[columns], strict=True)
         ]
     )
-    variances = _by_second(left.variances, left.seconds)
-    seen = np.bincount(left.seconds, minlength=count) > 0
-    variances = np.where(seen, variances, 1.0)
+    variances = _by_second(fit.variances, fit.seconds)
+    sampled = np.bincount(fit.seconds, minlength=count) > 0
+    variances = np.where(sampled, variances, 1.0)
     squares = squared.sum(axis=0)
     law = (
         gammaln((FREEDOM + size) / 2)
@@ -288,7 +292,7 @@ def _probability(left: Errors, own: Flags) -> Floats:
     )
     wide = [variances + spread**2 for spread in EVENT_SPREADS]
     event = logsumexp([-0.5 * size * np.log(2 * np.pi * v) - 0.5 * squares / v for v in wide], axis=0)
-    return smoothed(np.where(seen, event - np.log(len(EVENT_SPREADS)) - law, 0.0))
+    return smoothed(np.where(sampled, event - np.log(len(EVENT_SPREADS)) - law, 0.0))
 
 
 def smoothed(log_ratios: Floats) -> Floats:
@@ -312,36 +316,36 @@ def smoothed(log_ratios: Floats) -> Floats:
 
 def _stretches(chance: Floats) -> list[tuple[int, int]]:
     """Join probable seconds to stretches: first second and the second after the last."""
-    found: list[tuple[int, int]] = []
+    stretches: list[tuple[int, int]] = []
     for second in np.flatnonzero(chance > PROBABLE).tolist():
-        if found and second - found[-1][1] <= NEAR:
-            found[-1] = (found[-1][0], second + 1)
+        if stretches and second - stretches[-1][1] <= NEAR:
+            stretches[-1] = (stretches[-1][0], second + 1)
         else:
-            found.append((second, second + 1))
-    return found
+            stretches.append((second, second + 1))
+    return stretches
 
 
 def _event(
     recording: Recording,
     specimen: Specimen,
     streams: Sequence[SampledStream],
-    left: Errors,
+    fit: HeldOutErrors,
     chances: Floats,
     begin: int,
     end: int,
 ) -> Disturbance | None:
     """Describe a stretch; ``None`` where it is too small to move a fit."""
-    inside = (left.seconds >= begin) & (left.seconds < end)
-    grid, numbers = left.grid, np.unique(left.grid.stream)
-    sizes = np.percentile(np.abs(left.errors[inside]), 90.0, axis=0)
-    usual = np.sqrt(np.median(left.errors**2, axis=0) / 0.455)
-    ranges = np.ptp(np.percentile(grid.values[left.rows], [2.0, 98.0], axis=0), axis=0)
+    inside = (fit.seconds >= begin) & (fit.seconds < end)
+    grid, numbers = fit.grid, np.unique(fit.grid.stream)
+    sizes = np.percentile(np.abs(fit.errors[inside]), 90.0, axis=0)
+    usual = np.sqrt(np.median(fit.errors**2, axis=0) / 0.455)
+    ranges = np.ptp(np.percentile(grid.values[fit.rows], [2.0, 98.0], axis=0), axis=0)
     enough = (sizes > [LEAST[unit] for unit in grid.units]) & (sizes > LEAST_SHARE * ranges)
     probable = np.isin(grid.stream, numbers[chances[:, begin:end].max(axis=1) > PROBABLE])
     if not (enough & probable).any():
         return None
     angle, length = (np.array([unit == kind for unit in grid.units]) for kind in ("rad", "m"))
-    lengths = _tip_displacement(specimen, streams, left, inside) if not length.any() else sizes[length].max()
+    lengths = _tip_displacement(specimen, streams, fit, inside) if not length.any() else sizes[length].max()
     start = grid.time[0] - grid.step / 2
     return Disturbance(
         recording.name,
@@ -355,32 +359,32 @@ def _event(
         float(usual[angle].max(initial=0.0)),
         float(usual[length].max(initial=0.0)),
         float(chances[:, begin:end].max()),
-        _equivalent(recording, left, inside),
+        _equivalent(recording, fit, inside),
     )
 
 
 def _tip_displacement(
-    specimen: Specimen, streams: Sequence[SampledStream], left: Errors, inside: Flags
+    specimen: Specimen, streams: Sequence[SampledStream], fit: HeldOutErrors, inside: Flags
 ) -> float:
     """Turn unexplained bends into a displacement of the tip [m], angles times distances from it."""
     tip = specimen.length_m
     total = np.zeros((int(inside.sum()), 2))
-    for number in np.unique(left.grid.stream):
-        own = np.flatnonzero(left.grid.stream == number)
+    for number in np.unique(fit.grid.stream):
+        columns = np.flatnonzero(fit.grid.stream == number)
         names = {section.name: section for section in specimen.sections}
-        if len(own) == 2 and (section := names.get(streams[number].target)):
-            total += left.errors[np.ix_(inside, own)] * max(tip - section.from_m + 0.06, 0.0)
+        if len(columns) == 2 and (section := names.get(streams[number].target)):
+            total += fit.errors[np.ix_(inside, columns)] * max(tip - section.from_m + 0.06, 0.0)
     return float(np.percentile(np.linalg.norm(total, axis=1), 90.0)) if len(total) else 0.0
 
 
-def _equivalent(recording: Recording, left: Errors, inside: Flags) -> tuple[int, float] | None:
+def _equivalent(recording: Recording, fit: HeldOutErrors, inside: Flags) -> tuple[int, float] | None:
     """Find the chamber whose pressure would do the same, by the linear part of the law."""
-    slopes = (slopes_of(left.grid) / left.spreads[:, None]).T
-    moved = np.median(left.errors[inside] / left.spreads, axis=0)
+    slopes = (slopes_of(fit.grid) / fit.spreads[:, None]).T
+    moved = np.median(fit.errors[inside] / fit.spreads, axis=0)
     powers = (slopes**2).sum(axis=1)
     wanted = np.where(powers > 0, slopes @ moved / np.where(powers > 0, powers, 1.0), 0.0)
     remains = ((moved - wanted[:, None] * slopes) ** 2).sum(axis=1)
-    remains[np.abs(wanted) > np.abs(left.grid.pressures).max(initial=0.0)] = np.inf
+    remains[np.abs(wanted) > np.abs(fit.grid.pressures).max(initial=0.0)] = np.inf
     best = int(np.argmin(remains))
     if remains[best] > (1.0 - ALIKE) * float(moved @ moved):
         return None

@@ -69,10 +69,10 @@ def grid_of(recording: Recording, streams: tuple[SampledStream, ...], step: floa
 
 def means(values: Floats, windows: NDArray[np.int64], count: int) -> Floats:
     """Average rows by window, NaN where a window holds no reading, shape (count, columns)."""
-    seen = np.isfinite(values)
+    valid = np.isfinite(values)
     sums, numbers = np.zeros((count, values.shape[1])), np.zeros((count, values.shape[1]))
-    np.add.at(sums, windows, np.where(seen, values, 0.0))
-    np.add.at(numbers, windows, seen)
+    np.add.at(sums, windows, np.where(valid, values, 0.0))
+    np.add.at(numbers, windows, valid)
     return np.where(numbers > 0, sums / np.maximum(numbers, 1), np.nan)
 
 
@@ -80,14 +80,14 @@ def _filled(columns: Floats) -> Floats:
     """Bridge windows without a reading."""
     filled = columns.copy()
     for column in filled.T:
-        seen = np.isfinite(column)
-        if seen.any():
-            column[~seen] = np.interp(np.flatnonzero(~seen), np.flatnonzero(seen), column[seen])
+        valid = np.isfinite(column)
+        if valid.any():
+            column[~valid] = np.interp(np.flatnonzero(~valid), np.flatnonzero(valid), column[valid])
         else:
             column[:] = 0.0
     return filled
 
 
 def _bridged(time: Floats, values: Floats) -> Floats:
-    seen = np.isfinite(values)
-    return np.interp(time, time[seen], values[seen]) if seen.any() else np.zeros(len(time))
+    valid = np.isfinite(values)
+    return np.interp(time, time[valid], values[valid]) if valid.any() else np.zeros(len(time))

@@ -36,10 +36,12 @@ def misfit(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ..
             words.append(
                 f"it has {kind} of {_listed(unknown)}, the specimen's sections are {_listed(sections)}"
             )
-    known = {marker.name for marker in specimen.markers}
+    described = {marker.name for marker in specimen.markers}
     bodies = [name for name in recording.markers if name != "hook"]
-    if bodies and not known & set(bodies) and not recording.bends and not recording.frames:
-        words.append(f"its markers are {_listed(bodies)}, the specimen's {_listed(sorted(known)) or 'none'}")
+    if bodies and not described & set(bodies) and not recording.bends and not recording.frames:
+        words.append(
+            f"its markers are {_listed(bodies)}, the specimen's {_listed(sorted(described)) or 'none'}"
+        )
     named = recording.info.get("specimen")
     declared = isinstance(named, str) and specimen.name in (named, Path(named).stem)
     chambers = recording.chambers
@@ -134,8 +136,8 @@ def take_in(recording: Recording, specimen: Specimen) -> Intake:
     for step in STEPS:
         if intake.refusals:
             return intake
-        mended, found = step(intake.recording, specimen)
-        intake = intake.with_recording(mended, found)
+        mended, faults = step(intake.recording, specimen)
+        intake = intake.with_recording(mended, faults)
     stretches, limits = over_limit(intake.recording, specimen)
     intake = intake.with_recording(intake.recording, limits)
     if intake.refusals:

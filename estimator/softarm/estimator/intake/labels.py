@@ -40,7 +40,7 @@ FRAMES = 9
 
 
 @dataclass(frozen=True)
-class Known:
+class MarkerLayout:
     """Markers of the specimen that a recording has.
 
     Args:
@@ -64,12 +64,12 @@ class Points:
 
     Args:
         places: Places of the recorded markers [m], shape (samples, markers, 3).
-        known: Markers of the specimen.
+        markers: Markers of the specimen.
         fits: Fits so far, by section, its markers' labels, and whether an axis is mirrored.
     """
 
     places: Floats
-    known: Known
+    markers: MarkerLayout
     fits: dict[tuple[str, Labels, bool], Fit] = field(default_factory=dict)
 
 
@@ -88,20 +88,20 @@ def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
         for marker in specimen.markers
         if marker.name in recording.markers and np.isfinite(recording.marker(marker.name)).all(axis=1).any()
     ]
-    known = Known(
+    markers = MarkerLayout(
         tuple(m.name for m in chosen),
         tuple(m.section for m in chosen),
         np.array([m.offset_m for m in chosen]),
     )
-    if not any(len(known.of(section)) >= 3 for section in set(known.sections)):
+    if not any(len(markers.of(section)) >= 3 for section in set(markers.sections)):
         return recording, ()
-    points = Points(_samples(recording, known), known)
+    points = Points(_samples(recording, markers), markers)
     if not len(points.places):
         return recording, ()
     sensible = Labelling(tuple(range(len(chosen))), False)
     tried = [
         Explanation(Labelling(labels, mirrored), _likelihood(points, specimen, labels, mirrored))
-        for labels, mirrored in product(_labellings(known), (False, True))
+        for labels, mirrored in product(_labellings(markers), (False, True))
     ]
     choice = choose(tried)
     best = choice.best.what
@@ -109,18 +109,18 @@ def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     if worst > MISFIT * PLACED:
         what = f"the markers lie up to {1e3 * worst:.0f} mm off their places in the specimen under any names"
         cure = "give the specimen whose markers these are, or correct their offset_m"
-        return recording, (RecordingFault(recording.name, "labels", known.names, what, cure, mended=False),)
+        return recording, (RecordingFault(recording.name, "labels", markers.names, what, cure, mended=False),)
     if best == sensible:
         return recording, ()
     before = _worst(points, sensible.labels, False)
     return _renamed(
-        recording, known, best, choice.unambiguous, choice.odds, choice.second.what, before, worst
+        recording, markers, best, choice.unambiguous, choice.odds, choice.second.what, before, worst
     )
 
 
 def _renamed(
     recording: Recording,
-    known: Known,
+    markers: MarkerLayout,
     best: Labelling,
     unambiguous: bool,
     odds: float,
@@ -128,36 +128,36 @@ def _renamed(
     before: float,
     after: float,
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    names = tuple(known.names[k] for k, label in enumerate(best.labels) if label != k) or known.names
-    kind: Kind = "labels" if best.labels != tuple(range(len(known.names))) else "frame"
+    names = tuple(markers.names[k] for k, label in enumerate(best.labels) if label != k) or markers.names
+    kind: Kind = "labels" if best.labels != tuple(range(len(markers.names))) else "frame"
     if not unambiguous:
-        what = f"{describe(known, best)}, or {describe(known, second)}"
+        what = f"{describe(markers, best)}, or {describe(markers, second)}"
         cure = f"correct the names or the axes of the export (odds only {odds:.0f})"
         return recording, (RecordingFault(recording.name, kind, names, what, cure, False, odds),)
     columns = dict(recording.columns)
     for k, label in enumerate(best.labels):
         for suffix in MARKER_SUFFIXES:
-            columns[f"marker_{known.names[k]}_{suffix}"] = recording.columns[
-                f"marker_{known.names[label]}_{suffix}"
+            columns[f"marker_{markers.names[k]}_{suffix}"] = recording.columns[
+                f"marker_{markers.names[label]}_{suffix}"
             ]
     if best.mirrored:
         for name in recording.markers:
             columns[f"marker_{name}_x_m"] = -columns[f"marker_{name}_x_m"]
     fits = f"to {1e3 * after:.1f} instead of {1e3 * before:.1f} mm"
-    what = f"{describe(known, best)}: the markers fit their sections {fits}"
+    what = f"{describe(markers, best)}: the markers fit their sections {fits}"
     mismatch = RecordingFault(recording.name, kind, names, what, "mended for this run", True, odds)
     return replace(recording, columns=columns), (mismatch,)
 
 
-def describe(known: Known, labelling: Labelling) -> str:
+def describe(markers: MarkerLayout, labelling: Labelling) -> str:
     """Say in words which markers bear whose name."""
     pairs = [
-        f"{known.names[label]} is named {known.names[k]}"
+        f"{markers.names[label]} is named {markers.names[k]}"
         for k, label in enumerate(labelling.labels)
         if label != k
     ]
     if len(pairs) == 2 and labelling.labels != tuple(range(len(labelling.labels))):
-        one, other = (known.names[k] for k, label in enumerate(labelling.labels) if label != k)
+        one, other = (markers.names[k] for k, label in enumerate(labelling.labels) if label != k)
         pairs = [f"markers {one} and {other} are exchanged"]
     elif pairs:
         pairs = ["markers are permuted (" + ", ".join(pairs) + ")"]
@@ -166,26 +166,26 @@ def describe(known: Known, labelling: Labelling) -> str:
     return " and ".join(pairs) or "the markers as they are named"
 
 
-def _samples(recording: Recording, known: Known) -> Floats:
+def _samples(recording: Recording, markers: MarkerLayout) -> Floats:
     """Choose samples in which every marker was seen, shape (samples, markers, 3)."""
-    points = np.stack([recording.marker(name) for name in known.names], axis=1)
-    seen = np.flatnonzero(np.isfinite(points).all(axis=(1, 2)))
-    if not len(seen):
-        return np.zeros((0, len(known.names), 3))
-    chosen: Floats = points[seen[np.unique(np.linspace(0, len(seen) - 1, FRAMES).astype(int))]]
+    points = np.stack([recording.marker(name) for name in markers.names], axis=1)
+    valid = np.flatnonzero(np.isfinite(points).all(axis=(1, 2)))
+    if not len(valid):
+        return np.zeros((0, len(markers.names), 3))
+    chosen: Floats = points[valid[np.unique(np.linspace(0, len(valid) - 1, FRAMES).astype(int))]]
     return chosen
 
 
-def _labellings(known: Known) -> Iterator[Labels]:
+def _labellings(markers: MarkerLayout) -> Iterator[Labels]:
     """Yield labellings, the recorded one first."""
-    count = len(known.names)
+    count = len(markers.names)
     if count <= WHOLE:
         yield from permutations(range(count))
         return
-    seen: set[Labels] = set()
-    for labels in (*_exchanges(count), *_within_sections(known)):
-        if labels not in seen:
-            seen.add(labels)
+    listed: set[Labels] = set()
+    for labels in (*_exchanges(count), *_within_sections(markers)):
+        if labels not in listed:
+            listed.add(labels)
             yield labels
 
 
@@ -201,9 +201,9 @@ def _exchanges(count: int) -> Iterator[Labels]:
         yield tuple(labels)
 
 
-def _within_sections(known: Known) -> Iterator[Labels]:
+def _within_sections(markers: MarkerLayout) -> Iterator[Labels]:
     """Yield every permutation within each section, together with exchanges of whole sections of one size."""
-    groups = [known.of(section) for section in dict.fromkeys(known.sections)]
+    groups = [markers.of(section) for section in dict.fromkeys(markers.sections)]
     orders: list[Sequence[Sequence[int]]] = [groups]
     for a, b in combinations(range(len(groups)), 2):
         if len(groups[a]) == len(groups[b]):
@@ -212,7 +212,7 @@ def _within_sections(known: Known) -> Iterator[Labels]:
             orders.append(exchanged)
     for order in orders:
         for parts in product(*(permutations(group) for group in order)):
-            labels = [0] * len(known.names)
+            labels = [0] * len(markers.names)
             for group, part in zip(groups, parts, strict=True):
                 for place, label in zip(group, part, strict=True):
                     labels[place] = label
@@ -223,7 +223,7 @@ def _likelihood(points: Points, specimen: Specimen, labels: Labels, mirrored: bo
     fitted = _fits(points, labels, mirrored)
     value = MOVED * sum(label != k for k, label in enumerate(labels)) + MIRRORED * mirrored
     for name, (_, _, errors) in fitted.items():
-        count = 3 * len(points.known.of(name)) - 6
+        count = 3 * len(points.markers.of(name)) - 6
         value -= 0.5 * max(float(np.median(errors**2, axis=0).sum()) / PLACED**2 - count, 0.0)
     base = specimen.sections[0]
     if base.name not in fitted:
@@ -238,33 +238,33 @@ def _likelihood(points: Points, specimen: Specimen, labels: Labels, mirrored: bo
         place = np.einsum("nji,nj->ni", rotations, placed - centres)
         expected = rest.T @ (np.array(section.frame_origin_m) - np.array(base.frame_origin_m))
         away = np.median(np.linalg.norm(place - expected, axis=1)) / (REACH * np.linalg.norm(expected))
-        own: Floats = rest.T @ from_quaternions(np.array(section.frame_quaternion))
-        tilt = np.median(np.linalg.norm(log(relative @ own.T), axis=-1)) / TILT
+        columns: Floats = rest.T @ from_quaternions(np.array(section.frame_quaternion))
+        tilt = np.median(np.linalg.norm(log(relative @ columns.T), axis=-1)) / TILT
         value -= 0.5 * float(away**2 + tilt**2)
     return value
 
 
 def _fits(points: Points, labels: Labels, mirrored: bool) -> dict[str, Fit]:
     """Fit each section with three markers or more; most labellings share most sections' fits."""
-    known, found = points.known, {}
-    for section in dict.fromkeys(known.sections):
-        own = known.of(section)
-        if len(own) >= 3:
-            key = section, tuple(labels[k] for k in own), mirrored
+    markers, fits = points.markers, {}
+    for section in dict.fromkeys(markers.sections):
+        columns = markers.of(section)
+        if len(columns) >= 3:
+            key = section, tuple(labels[k] for k in columns), mirrored
             if key not in points.fits:
                 seen = points.places[:, list(key[1])] * (np.array([-1.0, 1.0, 1.0]) if mirrored else 1.0)
-                points.fits[key] = _fit(seen, known.offsets[own])
-            found[section] = points.fits[key]
-    return found
+                points.fits[key] = _fit(seen, markers.offsets[columns])
+            fits[section] = points.fits[key]
+    return fits
 
 
-def _fit(seen: Floats, offsets: Floats) -> Fit:
+def _fit(points: Floats, offsets: Floats) -> Fit:
     """Fit a section to its markers, shape (samples, markers, 3)."""
-    middle, centre = offsets.mean(axis=0), seen.mean(axis=1)
-    products = np.einsum("nmi,mj->nij", seen - centre[:, None], offsets - middle)
+    middle, centre = offsets.mean(axis=0), points.mean(axis=1)
+    products = np.einsum("nmi,mj->nij", points - centre[:, None], offsets - middle)
     rotations = _nearest_rotations(products)
     origins = centre - rotations @ middle
-    errors = seen - origins[:, None] - np.einsum("nij,mj->nmi", rotations, offsets)
+    errors = points - origins[:, None] - np.einsum("nij,mj->nmi", rotations, offsets)
     return rotations, origins, np.linalg.norm(errors, axis=2)
 
 

@@ -128,8 +128,8 @@ def fit_variances(inputs: Predictors, values: Floats, weights: Floats, start: Fl
         return value / columns, -0.5 * scales * np.tensordot(parts, inner, 2) / columns
 
     bounds = [(LOWEST, HIGHEST)] * len(PARTS)
-    found = minimize(negative, start, jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 30})
-    return np.asarray(found.x, dtype=np.float64)
+    solution = minimize(negative, start, jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 30})
+    return np.asarray(solution.x, dtype=np.float64)
 
 
 def precision(inputs: Predictors, weights: Floats, variances: Floats) -> Floats:
@@ -163,9 +163,9 @@ def left_out(inverse: Floats, values: Floats, blocks: Indices) -> tuple[Floats, 
     solved = inverse @ values
     errors, spreads = np.empty_like(values), np.empty(len(values))
     for block in np.unique(blocks):
-        own = np.flatnonzero(blocks == block)
-        covariance = np.linalg.inv(inverse[np.ix_(own, own)])
-        errors[own], spreads[own] = covariance @ solved[own], np.diag(covariance)
+        rows = np.flatnonzero(blocks == block)
+        covariance = np.linalg.inv(inverse[np.ix_(rows, rows)])
+        errors[rows], spreads[rows] = covariance @ solved[rows], np.diag(covariance)
     return errors, spreads
 
 
@@ -184,5 +184,5 @@ def _inverted(covariance: Floats) -> tuple[Floats, float]:
 def own_noise(inputs: Predictors, variances: Floats) -> Floats:
     """Compute the variance of what the law leaves at each sample of weight one, shape (samples,)."""
     scales = dict(zip(PARTS, np.exp(variances), strict=True))
-    own: Floats = scales["noise"] + scales["discrepancy"] + scales["swing"] * inputs.rate**2
-    return own
+    noise: Floats = scales["noise"] + scales["discrepancy"] + scales["swing"] * inputs.rate**2
+    return noise

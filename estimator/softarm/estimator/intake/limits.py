@@ -55,10 +55,10 @@ def over_limit(
 
 
 def _stretches(recording: Recording, above: np.ndarray) -> tuple[tuple[float, float], ...]:
-    found: list[tuple[float, float]] = []
+    intervals: list[tuple[float, float]] = []
     for time in recording.time[above].tolist():
-        if found and time - GUARD <= found[-1][1]:
-            found[-1] = (found[-1][0], time + GUARD)
+        if intervals and time - GUARD <= intervals[-1][1]:
+            intervals[-1] = (intervals[-1][0], time + GUARD)
         else:
-            found.append((time - GUARD, time + GUARD))
-    return tuple(found)
+            intervals.append((time - GUARD, time + GUARD))
+    return tuple(intervals)

@@ -85,18 +85,18 @@ def _spikes(values: Floats, units: tuple[str, ...]) -> Flags:
     """Find single samples, or two, that lie far off those before and after, shape (samples,)."""
     bad = np.zeros(len(values), dtype=bool)
     for column, unit in zip(values.T, units, strict=True):
-        seen = np.flatnonzero(np.isfinite(column))
-        if len(seen) < 2 * LONGEST + 3:
+        finite = np.flatnonzero(np.isfinite(column))
+        if len(finite) < 2 * LONGEST + 3:
             continue
-        own = column[seen]
-        noise = MAD_TO_STD * float(np.median(np.abs(np.diff(own, 2))))
-        bad[seen[_excursions(own, max(LEAST[unit], NOISE * noise))]] = True
+        readings = column[finite]
+        noise = MAD_TO_STD * float(np.median(np.abs(np.diff(readings, 2))))
+        bad[finite[_excursions(readings, max(LEAST[unit], NOISE * noise))]] = True
     return bad
 
 
 def _excursions(values: Floats, least: float) -> Flags:
     """Find runs of up to ``LONGEST`` samples that lie ``least`` off the samples on both sides of them."""
-    found = np.zeros(len(values), dtype=bool)
+    flags = np.zeros(len(values), dtype=bool)
     for length in range(1, LONGEST + 1):
         before, after = values[: -length - 1], values[length + 1 :]
         inside = np.stack([values[1 + k : len(values) - length + k] for k in range(length)])
@@ -105,8 +105,8 @@ def _excursions(values: Floats, least: float) -> Flags:
         one_way = np.abs(away.sum(axis=0)) > (length - 0.5) * size
         runs = np.flatnonzero((size > least) & one_way & (np.abs(after - before) < BACK * size))
         for k in range(length):
-            found[runs + 1 + k] = True
-    return found
+            flags[runs + 1 + k] = True
+    return flags
 
 
 def _pressure_spikes(values: Floats, most: float) -> Flags:

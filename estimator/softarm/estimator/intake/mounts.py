@@ -74,19 +74,19 @@ def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
 
 
 def _bodies(recording: Recording, specimen: Specimen) -> list[LooseBody]:
-    found = []
+    bodies = []
     for section in specimen.sections:
         origin, rest = np.array(section.frame_origin_m), from_quaternions(np.array(section.frame_quaternion))
         if section.name in recording.frames:
             place = recording.pose(section.name)[:, :3]
-            found.append(LooseBody(f"frame_{section.name}", section.from_m, origin, place))
+            bodies.append(LooseBody(f"frame_{section.name}", section.from_m, origin, place))
         for marker in specimen.markers:
             if marker.section == section.name and marker.name in recording.markers:
                 own = origin + rest @ np.array(marker.offset_m)
-                found.append(
+                bodies.append(
                     LooseBody(f"marker_{marker.name}", section.from_m, own, recording.marker(marker.name))
                 )
-    return found
+    return bodies
 
 
 def _off_rest(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
@@ -151,12 +151,12 @@ def _slopes(recording: Recording, chambers: list[Chamber], body: LooseBody) -> N
     pressures = np.column_stack(
         [np.zeros((len(recording.time), 0)), *(recording.pressure(c.index)[0] for c in chambers)]
     )
-    seen = np.isfinite(pressures).all(axis=1) & np.isfinite(body.place).all(axis=1)
-    if seen.sum() < LEAST_SAMPLES:
+    valid = np.isfinite(pressures).all(axis=1) & np.isfinite(body.place).all(axis=1)
+    if valid.sum() < LEAST_SAMPLES:
         return np.zeros(len(chambers), dtype=np.complex128)
     inputs, place = (
-        pressures[seen] - pressures[seen].mean(axis=0),
-        body.place[seen, 0] + 1j * body.place[seen, 1],
+        pressures[valid] - pressures[valid].mean(axis=0),
+        body.place[valid, 0] + 1j * body.place[valid, 1],
     )
     slopes, *_ = np.linalg.lstsq(inputs, place - place.mean(), rcond=1e-3)
     return np.asarray(slopes, dtype=np.complex128)

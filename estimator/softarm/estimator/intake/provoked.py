@@ -107,8 +107,8 @@ def _carried(values: Floats) -> tuple[Floats, NDArray[np.int64]]:
 
 def slopes_of(grid: Grid) -> Floats:
     """Regress values on pressures, shape (values, chambers)."""
-    seen = np.isfinite(grid.values).all(axis=1)
-    pressures, values = grid.pressures[seen], grid.values[seen]
+    valid = np.isfinite(grid.values).all(axis=1)
+    pressures, values = grid.pressures[valid], grid.values[valid]
     scale = max(float(np.abs(pressures).max(initial=0.0)), 1.0)
     design = np.column_stack([pressures / scale, np.ones(len(pressures))])
     ridge = 1e-4 * len(design) * np.eye(design.shape[1])

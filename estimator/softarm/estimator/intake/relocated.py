@@ -24,10 +24,12 @@ def losses(time: Floats, values: Floats, lasting: float) -> Floats:
         values: NaN where lost, shape (samples, size).
         lasting: Losses that are shorter [s], or than three usual steps, do not count.
     """
-    seen = time[np.isfinite(values).all(axis=1)]
-    steps = np.diff(seen)
-    found: Floats = seen[1:][steps > max(lasting, 3.0 * float(np.median(steps)))] if len(steps) else seen[:0]
-    return found
+    valid_time = time[np.isfinite(values).all(axis=1)]
+    steps = np.diff(valid_time)
+    moments: Floats = (
+        valid_time[1:][steps > max(lasting, 3.0 * float(np.median(steps)))] if len(steps) else valid_time[:0]
+    )
+    return moments
 
 
 def relocation(

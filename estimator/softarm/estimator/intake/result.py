@@ -145,9 +145,9 @@ class Intake:
             raise self.refusals[0]
         return self
 
-    def with_recording(self, recording: Recording, found: Sequence[RecordingFault] = ()) -> "Intake":
+    def with_recording(self, recording: Recording, faults: Sequence[RecordingFault] = ()) -> "Intake":
         """Return this intake with another recording and further mismatches."""
-        return replace(self, recording=recording, mismatches=(*self.mismatches, *found))
+        return replace(self, recording=recording, mismatches=(*self.mismatches, *faults))
 
 
 def without_motion(recording: Recording, stretches: Sequence[tuple[float, float]]) -> Recording:

@@ -170,10 +170,10 @@ def _chord_errors(poses: Floats, turns: Sequence[Floats], heights: Floats, setup
 
 def _samples(recording: Recording, names: Sequence[str]) -> Floats:
     poses = np.stack([recording.pose(name) for name in names], axis=1)
-    seen = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
-    if not len(seen):
+    valid = np.flatnonzero(np.isfinite(poses).all(axis=(1, 2)))
+    if not len(valid):
         return poses[:0]
-    chosen: Floats = poses[seen[np.unique(np.linspace(0, len(seen) - 1, SAMPLES).astype(int))]]
+    chosen: Floats = poses[valid[np.unique(np.linspace(0, len(valid) - 1, SAMPLES).astype(int))]]
     return chosen
 
 

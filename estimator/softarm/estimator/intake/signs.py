@@ -29,8 +29,8 @@ def mend_signs(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
 def _suction(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ...]:
     for chamber in recording.chambers:
         values = recording.pressure(chamber)[0]
-        seen = values[np.isfinite(values)]
-        low = float(np.percentile(seen, 2.0)) if len(seen) else 0.0
+        valid = values[np.isfinite(values)]
+        low = float(np.percentile(valid, 2.0)) if len(valid) else 0.0
         if low < -BELOW * specimen.pressure_limits[chamber]:
             what = f"the pressure of chamber {chamber} falls to {low / 1e3:.1f} kPa below that of the air"
             cure = "turn its sign, or add what its sensor reads when vented"
@@ -42,20 +42,20 @@ def _suction(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, 
 
 def _pull_signs(recording: Recording) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Turn gauges whose cord would push: pull is positive, and a cord cannot push."""
-    columns, found = dict(recording.columns), []
+    columns, faults = dict(recording.columns), []
     tied: Mapping[str, object] = {**recording.info, **({"hook": True} if "hook" in recording.markers else {})}
     if not {"hook", "gauge_section", "gauge_direction"} & set(tied):
         return recording, ()
     for name in recording.gauges:
         force = recording.gauge(name)
-        seen = force[np.isfinite(force)]
-        if not len(seen):
+        valid = force[np.isfinite(force)]
+        if not len(valid):
             continue
-        push, pull = -float(np.percentile(seen, 0.5)), float(np.percentile(seen, 99.5))
+        push, pull = -float(np.percentile(valid, 0.5)), float(np.percentile(valid, 99.5))
         if push > PULL and push > SIGN * max(pull, 0.0):
             columns[f"gauge_{name}_n"] = -force
             what = f"gauge {name} reads {-push:.3g} N at most, as if its cord pushed: its sign is reversed"
-            found.append(
+            faults.append(
                 RecordingFault(recording.name, "sign", (f"gauge_{name}_n",), what, "reversed for this run")
             )
-    return (replace(recording, columns=columns), tuple(found)) if found else (recording, ())
+    return (replace(recording, columns=columns), tuple(faults)) if faults else (recording, ())

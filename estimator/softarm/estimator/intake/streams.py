@@ -44,10 +44,10 @@ class SampledStream:
         """Which values move by more than a sensor at rest, shape (size,)."""
         if not np.isfinite(self.values).any():
             return np.zeros(len(self.units), dtype=bool)
-        seen = np.asarray(np.isfinite(self.values).any(axis=0))
-        low, high = np.nanpercentile(self.values[:, seen], SPREAD, axis=0)
-        moving = seen.copy()
-        moving[seen] = (high - low) > np.array([QUIET[unit] for unit in self.units])[seen]
+        valid = np.asarray(np.isfinite(self.values).any(axis=0))
+        low, high = np.nanpercentile(self.values[:, valid], SPREAD, axis=0)
+        moving = valid.copy()
+        moving[valid] = (high - low) > np.array([QUIET[unit] for unit in self.units])[valid]
         return moving
 
 
@@ -61,8 +61,8 @@ def streams_of(recording: Recording, specimen: Specimen) -> tuple[SampledStream,
     """
     bends = [_bend(recording, section) for section in recording.bends]
     frames = [_frame(recording, section) for section in recording.frames]
-    known = {marker.name for marker in specimen.markers}
-    markers = [_marker(recording, name) for name in recording.markers if name in known]
+    described = {marker.name for marker in specimen.markers}
+    markers = [_marker(recording, name) for name in recording.markers if name in described]
     return (*bends, *frames, *markers)
 
 
@@ -73,13 +73,13 @@ def _bend(recording: Recording, section: str) -> SampledStream:
 
 def _frame(recording: Recording, section: str) -> SampledStream:
     pose = recording.pose(section)
-    seen = np.isfinite(pose).all(axis=1)
+    valid = np.isfinite(pose).all(axis=1)
     vectors = np.full((len(pose), 3), np.nan)
-    if seen.any():
-        rotations = from_quaternions(pose[seen, 3:])
-        vectors[seen] = log(rotations @ mean_rotation(rotations).T)
+    if valid.any():
+        rotations = from_quaternions(pose[valid, 3:])
+        vectors[valid] = log(rotations @ mean_rotation(rotations).T)
     values = np.column_stack([pose[:, :3], vectors])
-    values[~seen] = np.nan
+    values[~valid] = np.nan
     units = ("m",) * 3 + ("rad",) * 3
     return SampledStream(
         f"frame_{section}", "frame", section, _columns("frame", section, POSE_SUFFIXES), values, units

@@ -107,11 +107,11 @@ def settle(
         inputs.gravity,
     )
     # Out of equilibrium the cost is a forecast, and from as far as this one that leads astray.
-    given = Inputs(np.clip(inputs.pressures + first.change, 0.0, limits), tare, inputs.gravity)
-    state, settled = model.solve(given, estimate.state)
+    clipped = Inputs(np.clip(inputs.pressures + first.change, 0.0, limits), tare, inputs.gravity)
+    state, settled = model.solve(clipped, estimate.state)
     if not settled:
         return first, None
-    start = state, given
+    start = state, clipped
     tolerances = tolerances or Tolerances()
     solution = problem.solve(model, start, tolerances)
     if not solution.converged:

@@ -103,17 +103,17 @@ class ContactProfile:
         if len(next(row for row in estimate.rows if row.name == "sensors").innovation) < LEAST_ROWS:
             return None
         acting = np.concatenate([estimate.inputs.loads, np.zeros(2 * len(self.heights))])
-        free = np.concatenate([tare, np.zeros(2 * len(self.heights))])
+        unknown = np.concatenate([tare, np.zeros(2 * len(self.heights))])
         inputs, state = Inputs(estimate.inputs.pressures, acting, estimate.inputs.gravity), start
         for _ in range(self.passes - 1):
-            contact = self._pass(model, state, inputs, suite, readings, estimate, free)
-            amplitudes = free.copy()
+            contact = self._pass(model, state, inputs, suite, readings, estimate, unknown)
+            amplitudes = unknown.copy()
             amplitudes[len(tare) :] = self._share(contact).ravel()
             inputs = Inputs(inputs.pressures, amplitudes, inputs.gravity)
             state, converged = model.solve(inputs, state)
             if not converged:
                 return contact
-        return self._pass(model, state, inputs, suite, readings, estimate, free)
+        return self._pass(model, state, inputs, suite, readings, estimate, unknown)
 
     def _pass(
         self,
@@ -123,7 +123,7 @@ class ContactProfile:
         suite: SensorSuite,
         readings: Floats,
         estimate: ArmEstimate[State],
-        free: Floats,
+        unknown: Floats,
     ) -> ContactPlace:
         """Place the push by one linearisation about a state under given inputs."""
         step = model.linearise(state, inputs)
@@ -131,7 +131,7 @@ class ContactProfile:
         observation = suite.observe(step.frames, readings)
         drift, response = step.response(observation.twists)
         to_pressures, to_loads = response[:, :chambers], response[:, chambers:]
-        explained = observation.innovation - drift + to_loads @ (inputs.loads - free)
+        explained = observation.innovation - drift + to_loads @ (inputs.loads - unknown)
         spread = estimate.covariance[:chambers, :chambers]
         covariance = observation.covariance + to_pressures @ spread @ to_pressures.T
         covariance = covariance + np.diag((self.form_share * explained) ** 2)

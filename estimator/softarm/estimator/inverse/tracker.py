@@ -201,10 +201,10 @@ class Estimator(Generic[State, Step]):
             mean[:chambers] = self._memory.inputs.pressures
             wander = PRESSURE_DRIFT**2 * max(elapsed, 0.0)
             # At a bound the covariance is zero, yet the pressure may leave it at once.
-            known = np.maximum(
+            least = np.maximum(
                 np.diag(self._memory.covariance)[:chambers], self._settings.actuation.chamber_sigma**2
             )
-            variance[:chambers] = known + wander
+            variance[:chambers] = least + wander
             mean[chambers:], loads = process.predict(
                 self._memory.inputs.loads, self._memory.covariance[chambers:, chambers:], elapsed
             )

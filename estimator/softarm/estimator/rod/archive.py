@@ -145,7 +145,7 @@ def shipped_rod(key: str) -> FittedRod | None:
     if not folder.is_dir():
         return None
     for file in folder.iterdir():
-        found = from_bytes(file.read_bytes()) if file.name.endswith(".npz") else None
-        if found is not None and found[1] == key:
-            return found[0]
+        fitted = from_bytes(file.read_bytes()) if file.name.endswith(".npz") else None
+        if fitted is not None and fitted[1] == key:
+            return fitted[0]
     return None

@@ -51,13 +51,13 @@ class ChainInputs(NamedTuple):
         pressures: Gauge pressures [Pa], shape (chambers,).
         force: Force of each action in the base frame [N], shape (actions, 3).
         couple: Couple of each action [N m], shape (actions, 3).
-        free: Strain of each link beside what its law gives, shape (links, 6).
+        eigenstrain: Strain of each link beside what its law gives, shape (links, 6).
     """
 
     pressures: Floats
     force: Floats
     couple: Floats
-    free: Floats
+    eigenstrain: Floats
 
 
 class Work(NamedTuple):

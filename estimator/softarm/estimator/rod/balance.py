@@ -11,7 +11,7 @@ from softarm.estimator.rod.statics import action_points, place, wrenches
 from softarm.estimator.rod.tangent import (
     inner_moments,
     link_motion,
-    turned_parts,
+    rotated_parts,
     unit_wrenches,
     wrench_jacobian,
 )
@@ -20,17 +20,17 @@ from softarm.estimator.vectors import add_rotated
 
 @njit(cache=True, nogil=True)
 def linearise_chain(
-    length: Floats, actions: Actions, laws: Laws, drive: ChainInputs, work: Work, gap: Floats
+    length: Floats, actions: Actions, laws: Laws, drive: ChainInputs, work: Work, residual: Floats
 ) -> None:
-    """Evaluate law(wrench(strain)) + free - strain and, in ``work.tangent``, its negative derivative.
+    """Evaluate law(wrench(strain)) + eigenstrain - strain and, in ``work.tangent``, its negative derivative.
 
     Args:
         length: Rest lengths of the links [m], shape (links,).
         actions: Where loads act.
         laws: Link laws.
-        drive: Pressures, loads and free strains.
+        drive: Pressures, loads and eigenstrains.
         work: Strains and clamp are given, all else is filled.
-        gap: Filled with law + free - strain, shape (6 links,).
+        residual: Filled with law + eigenstrain - strain, shape (6 links,).
     """
     links = len(length)
     wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
@@ -46,9 +46,9 @@ def linearise_chain(
             chord[k] = positions[i + 1, k] - positions[i, k]
         link_motion(strain[i], work.rotations[i], middles[i], chord, positions[i + 1], work.motions[i])
         for k in range(6):
-            gap[6 * i + k] = value[i, k] + drive.free[i, k] - strain[i, k]
+            residual[6 * i + k] = value[i, k] + drive.eigenstrain[i, k] - strain[i, k]
     inner_moments(strain, work.rotations, positions, actions, work.points, drive.force, inner)
-    turned_parts(middles, actions, drive, parts)
+    rotated_parts(middles, actions, drive, parts)
     wrench_jacobian(positions, middles, beyond, work.motions, inner, parts, by_strain)
     _through_laws(laws, work.slopes, by_strain, work.tangent)
 
@@ -75,28 +75,28 @@ def settle(
     laws: Laws,
     drive: ChainInputs,
     work: Work,
-    gap: Floats,
+    residual: Floats,
     tolerance: float,
     iterations: int,
 ) -> tuple[int, float]:
     """Bring the strains so near to equilibrium that one more Newton step ends there; see ``respond``.
 
-    ``gap``, shape (6 links,), is filled with law + free - strain at the last iterate.
+    ``residual``, shape (6 links,), is filled with law + eigenstrain - strain at the last iterate.
     """
     links = len(length)
     size, move = np.inf, np.empty((1, 6 * links))
     for count in range(1, iterations + 1):
-        linearise_chain(length, actions, laws, drive, work, gap)
+        linearise_chain(length, actions, laws, drive, work, residual)
         size = 0.0
         for i in range(links):
             for k in range(6):
-                size = max(size, abs(gap[6 * i + k]) / (1.0 if k < 3 else max(length[i], 1e-3)))
+                size = max(size, abs(residual[6 * i + k]) / (1.0 if k < 3 else max(length[i], 1e-3)))
         if not size < 1e3:
             return -count, size
         if size < tolerance:
             return count, size
         for row in range(6 * links):
-            move[0, row] = gap[row]
+            move[0, row] = residual[row]
         solve_rows(work.lapack, work.letters, work.tangent, move, work.integers)
         # Half a radian per link and step is as far as the linearisation can be trusted.
         largest = 0.0
@@ -234,7 +234,7 @@ def respond(
         shapes: Free strains of the links whose effect is wanted, shape (6 links, shapes).
         stations: Station of each point, 0 for the clamp, shape (points,).
         offsets: Offset of each point in its station's frame [m], shape (points, 3).
-        tolerance: Largest gap of a strain [rad, or share of its link's length] to stop at.
+        tolerance: Largest residual of a strain [rad, or share of its link's length] to stop at.
         iterations: Largest number of linearisations.
         work: Strains to begin with and clamp are given; all is brought to equilibrium.
         places: Filled with the points [m], shape (points, 3).
@@ -242,14 +242,14 @@ def respond(
         twists: Filled with the points' twists per unit of each, shape (6 points, columns).
 
     Returns:
-        Number of linearisations, negative when it failed, and the last gap.
+        Number of linearisations, negative when it failed, and the last residual.
     """
     links = len(length)
-    gap, every = np.empty(6 * links), change.shape[1]
-    count, size = settle(length, actions, laws, drive, work, gap, tolerance, iterations)
+    residual, every = np.empty(6 * links), change.shape[1]
+    count, size = settle(length, actions, laws, drive, work, residual, tolerance, iterations)
     right = np.zeros((every + 1, 6 * links))
     for row in range(6 * links):
-        right[every, row] = gap[row]
+        right[every, row] = residual[row]
     if every > 0:
         input_gaps(actions, laws, work, units, owner, right)
     if every > columns:
@@ -286,7 +286,7 @@ def respond_all(
     pressures: Floats,
     amplitudes: Floats,
     gravities: Floats,
-    free: Floats,
+    eigenstrains: Floats,
     units: Floats,
     owner: Indices,
     columns: int,
@@ -311,14 +311,14 @@ def respond_all(
         pressures: Gauge pressures [Pa], shape (samples, chambers).
         amplitudes: Loads [N or N m], shape (samples, loads).
         gravities: Gravitational acceleration [m/s2], shape (samples, 3).
-        free: Sizes of the free strains, in the shapes, shape (samples, shapes).
+        eigenstrains: Sizes of the eigenstrains, in the shapes, shape (samples, shapes).
         units: Force and couple of an action per unit of load or gravity, shape (units, 6).
         owner: Action and column of each, shape (units, 2).
         columns: Number of pressures, loads and three components of gravity.
         shapes: Free strains of the links, shape (6 links, shapes).
         stations: Station of each point, shape (points,).
         offsets: Offset of each point in its station's frame [m], shape (points, 3).
-        tolerance: Largest gap of a strain to stop at.
+        tolerance: Largest residual of a strain to stop at.
         iterations: Largest number of linearisations.
         work: Memory.
         strains: Strains to begin with, NaN where each sample begins from the one before; brought to
@@ -345,7 +345,7 @@ def respond_all(
             for k in range(6):
                 strain[i, k] = 0.0
                 for f in range(shapes.shape[1]):
-                    strain[i, k] += shapes[6 * i + k, f] * free[s, f]
+                    strain[i, k] += shapes[6 * i + k, f] * eigenstrains[s, f]
         drive = ChainInputs(pressures[s], force, couple, strain)
         if not np.isnan(strains[s, 0, 0]):
             _copy(strains[s], work.strain)

@@ -127,7 +127,7 @@ def adapted(rod: CalibratedRod, specimen: Specimen) -> CalibratedRod:
     """
     from_station = np.array([specimen.section(name).frame_origin_m for name in rod.chain.sections])
     from_station[:, 2] -= rod.chain.heights[rod.chain.section_station]
-    turned = np.array([specimen.section(name).frame_quaternion for name in rod.chain.sections])
-    chain = replace(rod.chain, section_offset=from_station, section_rotation=from_quaternions(turned))
+    quaternions = np.array([specimen.section(name).frame_quaternion for name in rod.chain.sections])
+    chain = replace(rod.chain, section_offset=from_station, section_rotation=from_quaternions(quaternions))
     scales = {region: specimen.calibration.scale(region) for region in rod.regions}
     return replace(rod, chain=chain, loads=default_loads(specimen)).with_scales(scales)

@@ -20,7 +20,7 @@ TOLERANCE, COARSE = 1e-6, 1e-4
 larger where only the response is wanted."""
 ITERATIONS = 25
 SHARES = ((3, 0), (4, 1), (5, 2), (2, 5))
-"""Component of the wrench and strain it makes, for each free strain: two bends, the twist, the elongation."""
+"""Component of the wrench and strain it makes, for each eigenstrain: two bends, the twist, the elongation."""
 TWIST_TERM = (0, 0, 0, 6)
 """Term of a link law that stands for the moment about the arm's axis."""
 CONTINUATION = (1, 4, 16, 64)
@@ -149,9 +149,9 @@ class CalibratedRod:
         rotations, positions = np.empty((chain.links + 1, 3, 3)), np.empty((chain.links + 1, 3))
         rotations[0], positions[0] = np.eye(3), (0.0, 0.0, chain.heights[0])
         place(_dense(state), self._lengths, rotations, positions, np.empty((chain.links, 3, 3)))
-        turned = rotations[chain.section_station]
-        moved = (turned @ chain.section_offset[:, :, None])[..., 0]
-        return Frames(positions[chain.section_station] + moved, turned @ chain.section_rotation)
+        rotated = rotations[chain.section_station]
+        moved = (rotated @ chain.section_offset[:, :, None])[..., 0]
+        return Frames(positions[chain.section_station] + moved, rotated @ chain.section_rotation)
 
     def linearise(self, state: Floats, inputs: Inputs) -> RodStep:
         """Find the equilibrium under inputs near a state and linearise there."""
@@ -182,8 +182,8 @@ class CalibratedRod:
         if step.residual_norm == 0.0:
             return step.strain, True
         for steps in CONTINUATION:
-            state, found = self._from_rest(inputs, steps)
-            if found:
+            state, linearisation = self._from_rest(inputs, steps)
+            if linearisation:
                 return state, True
         return start, False
 
@@ -303,7 +303,7 @@ class CalibratedRod:
 
     @cached_property
     def _shapes(self) -> Floats:
-        """Strains of the links per unit of each region's free strains, shape (6 links, 4 regions).
+        """Strains of the links per unit of each region's eigenstrains, shape (6 links, 4 regions).
 
         Links share them as they share the strain under an even bending moment, torque or axial force.
         """
@@ -311,8 +311,8 @@ class CalibratedRod:
         for kind, (wrench, strain) in enumerate(SHARES):
             row = np.flatnonzero((self.laws.table == (0, 0, 0, 1 + wrench)).all(axis=1))[0]
             compliance = np.abs(self.laws.coefficients[:, row, strain]) / self.laws.scale[:, wrench]
-            own = compliance[:, None] * self._membership
-            shapes[:, strain, :, kind] = own / np.maximum(own.sum(axis=0), 1e-300)
+            columns = compliance[:, None] * self._membership
+            shapes[:, strain, :, kind] = columns / np.maximum(columns.sum(axis=0), 1e-300)
         return shapes.reshape(6 * self.chain.links, -1)
 
     @cached_property

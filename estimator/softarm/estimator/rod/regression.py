@@ -63,7 +63,7 @@ def fit_laws(
         (links, 6 + width).
     """
     width = chain.chambers.shape[1]
-    known: dict[bytes, Floats] = {}
+    feature_maps: dict[bytes, Floats] = {}
     trust = _trust(samples, states)
     table = term_table(6, width, form.total, form.pressure_total, form.mixed, form.scaled)
     coefficients = np.zeros((chain.links, len(table), OUTPUTS))
@@ -83,7 +83,7 @@ def fit_laws(
             [variable_map(symmetry, near, scale[link][: 6 + len(near)]) for symmetry in symmetries],
             form,
             trust,
-            known,
+            feature_maps,
         )
     return Laws(table, coefficients, chain.chambers, scale, np.ones(chain.links)), reach
 
@@ -144,7 +144,7 @@ def _fit_link(
     maps: Sequence[Floats | None],
     form: Form,
     trust: Floats,
-    known: dict[bytes, Floats],
+    feature_maps: dict[bytes, Floats],
 ) -> Floats:
     """Fit one law, shape (terms, 6); every symmetry adds the moved samples to the normal equations.
 
@@ -165,9 +165,9 @@ def _fit_link(
             continue
         whole = np.eye(width)
         whole[: len(moved), : len(moved)] = moved
-        matrix = known.get(whole.tobytes())
+        matrix = feature_maps.get(whole.tobytes())
         if matrix is None:
-            matrix = known[whole.tobytes()] = feature_map(table, whole)
+            matrix = feature_maps[whole.tobytes()] = feature_map(table, whole)
         outputs = np.zeros((6, 6))
         # A strain is (rotation, translation), a wrench (force, moment): their maps are swapped. Scaling
         # leaves both blocks as they are, since x and y share a unit.

@@ -264,8 +264,8 @@ def _follow(
         if moves is None:
             return
         frames = stations.poses(body.points + place, moves)
-        turned = np.linalg.norm(frames[2][:, 3:, model.chambers :], axis=1) * scale
-        softness = turned.max(initial=0.0)
+        rotation = np.linalg.norm(frames[2][:, 3:, model.chambers :], axis=1) * scale
+        softness = rotation.max(initial=0.0)
         if softness > plan.soft or _bend(frames[1]) > plan.bend:
             return
         yield inputs.pressures, inputs.loads, inputs.gravity, *frames, factors, np.array(softness)

@@ -32,7 +32,7 @@ def place(strain: Floats, length: Floats, rotations: Floats, positions: Floats, 
         middles: Filled with R_mid, shape (links, 3, 3).
     """
     links = len(length)
-    half, turn = np.empty((1, 3)), np.empty((1, 3, 3))
+    half, rotation = np.empty((1, 3)), np.empty((1, 3, 3))
     chord = np.empty(3)
     for i in range(links):
         for k in range(3):
@@ -40,9 +40,9 @@ def place(strain: Floats, length: Floats, rotations: Floats, positions: Floats, 
             chord[k] = strain[i, 3 + k]
             positions[i + 1, k] = positions[i, k]
         chord[2] += length[i]
-        exp_kernel(half, turn)
-        multiply(rotations[i], turn[0], middles[i])
-        multiply(middles[i], turn[0], rotations[i + 1])
+        exp_kernel(half, rotation)
+        multiply(rotations[i], rotation[0], middles[i])
+        multiply(middles[i], rotation[0], rotations[i + 1])
         add_rotated(middles[i], chord, positions[i + 1])
 
 
@@ -51,7 +51,7 @@ def strain_between(
     rotations: Floats, positions: Floats, length: Floats, strain: Floats, middles: Floats
 ) -> None:
     """Fill strain, shape (links, 6), and R_mid from stations: the inverse of ``place``."""
-    half, turn = np.empty((1, 3)), np.empty((1, 3, 3))
+    half, rotation = np.empty((1, 3)), np.empty((1, 3, 3))
     relative, quaternion, vector = np.empty((1, 3, 3)), np.empty((1, 4)), np.empty((1, 3))
     chord = np.empty(3)
     for i in range(len(length)):
@@ -61,8 +61,8 @@ def strain_between(
         for k in range(3):
             strain[i, k] = vector[0, k]
             half[0, k] = 0.5 * vector[0, k]
-        exp_kernel(half, turn)
-        multiply(rotations[i], turn[0], middles[i])
+        exp_kernel(half, rotation)
+        multiply(rotations[i], rotation[0], middles[i])
         for k in range(3):
             chord[k] = positions[i + 1, k] - positions[i, k]
         rotate_back(middles[i], chord, strain[i, 3:6])
@@ -83,7 +83,7 @@ def action_points(
     An action with share 1 sits on its link's far station, at an offset in that station's frame; one with
     a smaller share s on the link's arc, x_i + R_i exp(s theta / 2) s (l e_z + t).
     """
-    part, turn = np.empty((1, 3)), np.empty((1, 3, 3))
+    part, rotation = np.empty((1, 3)), np.empty((1, 3, 3))
     chord, moved = np.empty(3), np.empty(3)
     for a in range(len(actions.link)):
         i, s = actions.link[a], actions.share[a]
@@ -97,8 +97,8 @@ def action_points(
             part[0, k] = 0.5 * s * strain[i, k]
             chord[k] = s * strain[i, 3 + k]
         chord[2] += s * length[i]
-        exp_kernel(part, turn)
-        rotate(turn[0], chord, moved)
+        exp_kernel(part, rotation)
+        rotate(rotation[0], chord, moved)
         add_rotated(rotations[i], moved, points[a])
 
 

@@ -84,9 +84,9 @@ def _slice(specimen: Specimen, mesh: Mesh, height: float) -> SectionFrame:
     """
     raster = cross_section(mesh, height, RASTER).apply(mesh.points)
     images = [locate(mesh, raster @ symmetry.vectors.T) for symmetry in candidates(specimen)]
-    kept = [found for found, violation in images if violation.max() < OUTSIDE]
+    kept = [image for image, violation in images if violation.max() < OUTSIDE]
     points = PointMap(
-        np.concatenate([found.nodes for found in kept]), np.concatenate([found.weights for found in kept])
+        np.concatenate([image.nodes for image in kept]), np.concatenate([image.weights for image in kept])
     )
     return frame_of_points(points, mesh, np.array([0.0, 0.0, height]), np.eye(3))
 
@@ -131,7 +131,7 @@ def _chambers(specimen: Specimen, heights: Floats) -> Indices:
     for low, high in pairwise(heights.tolist()):
         gaps = {c.index: max(c.from_m - high, low - c.to_m) for c in specimen.chambers}
         least = max(min(gaps.values(), default=0.0), -NEAR)
-        rows.append(sorted(index for index, gap in gaps.items() if gap <= least + NEAR))
+        rows.append(sorted(index for index, distance in gaps.items() if distance <= least + NEAR))
     width = max((len(row) for row in rows), default=0)
     return np.array([[*row, *[-1] * (width - len(row))] for row in rows], dtype=np.int64).reshape(
         len(rows), width

@@ -34,14 +34,14 @@ def candidates(specimen: Specimen) -> tuple[Symmetry, ...]:
     """
     start = specimen.chambers[0].azimuth_rad if specimen.chambers else 0.0
     mirror = _turn(start) @ np.diag([1.0, -1.0, 1.0]) @ _turn(-start)
-    found = []
+    symmetries = []
     for fold, mirrored in product(range(12), (False, True)):
         vectors = _turn(np.pi * fold / 6) @ (mirror if mirrored else np.eye(3))
         moved = [_image(chamber, specimen.chambers, vectors) for chamber in specimen.chambers]
         if None not in moved:
             chambers = np.array(moved, dtype=np.int64).reshape(-1)
-            found.append(Symmetry(vectors, vectors * np.linalg.det(vectors), chambers))
-    return tuple(found)
+            symmetries.append(Symmetry(vectors, vectors * np.linalg.det(vectors), chambers))
+    return tuple(symmetries)
 
 
 def verified(

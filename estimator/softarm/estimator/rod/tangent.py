@@ -141,26 +141,26 @@ def wrench_jacobian(
         beyond: Sums over the actions beyond each link, shape (links, 15).
         motions: Motion by each strain, as of ``link_motion``, shape (links, 6, 12).
         inner: Change of moment by actions inside each link, shape (links, 6, 3).
-        parts: Change of wrench by turning those actions, as of ``turned_parts``, shape (links, 6, 3).
+        parts: Change of wrench by turning those actions, as of ``rotated_parts``, shape (links, 6, 3).
         jacobian: Filled, shape (6 links, 6 links).
     """
     links = len(middles)
     change = np.empty(3)
-    turned = np.empty((links, 6, 3))
+    rotated = np.empty((links, 6, 3))
     jacobian.fill(0.0)
     for i in range(1, links):
-        _turned_whole(positions, middles, beyond, i, turned[i])
+        _rotated_whole(positions, middles, beyond, i, rotated[i])
         for r in range(6):
             for k in range(3):
-                turned[i, r, k] += parts[i, r, k]
+                rotated[i, r, k] += parts[i, r, k]
     for j in range(links):
         for c in range(6):
             column = 6 * j + c
             rigid_moment(motions[j, c], beyond[j], change)
-            _own_link(positions, middles, beyond, motions[j, c], change, j, column, jacobian)
-            _add_turn(parts[j], motions[j, c, 6:9], j, column, jacobian)
+            _same_link(positions, middles, beyond, motions[j, c], change, j, column, jacobian)
+            _add_rotation(parts[j], motions[j, c, 6:9], j, column, jacobian)
             for i in range(j + 1, links):
-                _add_turn(turned[i], motions[j, c, 0:3], i, column, jacobian)
+                _add_rotation(rotated[i], motions[j, c, 0:3], i, column, jacobian)
             for k in range(3):
                 change[k] += inner[j, c, k]
             for i in range(j):
@@ -178,7 +178,7 @@ def _moment_about_middle(positions: Floats, beyond: Floats, i: int, arm: Floats,
 
 
 @njit(cache=True, nogil=True)
-def _own_link(
+def _same_link(
     positions: Floats,
     middles: Floats,
     beyond: Floats,
@@ -189,28 +189,28 @@ def _own_link(
     jacobian: Floats,
 ) -> None:
     """Fill the derivative of a link's wrench by its own strain: R_mid turns, all beyond moves."""
-    arm, moment, local, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    arm, moment, local, rotated = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     total, spin = beyond[j, 0:3], motion[6:9]
-    cross(total, spin, turned)
-    rotate_back(middles[j], turned, jacobian[6 * j : 6 * j + 3, column])
+    cross(total, spin, rotated)
+    rotate_back(middles[j], rotated, jacobian[6 * j : 6 * j + 3, column])
     _moment_about_middle(positions, beyond, j, arm, moment)
-    cross(moment, spin, turned)
+    cross(moment, spin, rotated)
     cross(total, motion[9:12], local)
     for k in range(3):
-        turned[k] += change[k] + 0.5 * local[k]
-    rotate_back(middles[j], turned, jacobian[6 * j + 3 : 6 * j + 6, column])
+        rotated[k] += change[k] + 0.5 * local[k]
+    rotate_back(middles[j], rotated, jacobian[6 * j + 3 : 6 * j + 6, column])
 
 
 @njit(cache=True, nogil=True)
-def _add_turn(turned: Floats, spin: Floats, i: int, column: int, jacobian: Floats) -> None:
+def _add_rotation(rotated: Floats, spin: Floats, i: int, column: int, jacobian: Floats) -> None:
     """Add the change of link i's wrench by a turn, shape (3,), to a column of the jacobian."""
     for r in range(6):
-        change = turned[r, 0] * spin[0] + turned[r, 1] * spin[1] + turned[r, 2] * spin[2]
+        change = rotated[r, 0] * spin[0] + rotated[r, 1] * spin[1] + rotated[r, 2] * spin[2]
         jacobian[6 * i + r, column] += change
 
 
 @njit(cache=True, nogil=True)
-def _turned_whole(positions: Floats, middles: Floats, beyond: Floats, i: int, turned: Floats) -> None:
+def _rotated_whole(positions: Floats, middles: Floats, beyond: Floats, i: int, rotated: Floats) -> None:
     """Fill the change of a link's wrench per unit turn w of it and all beyond: sum (w x r) x F - w x M."""
     arm, moment, spin, change = np.empty(3), np.empty(3), np.zeros(3), np.empty(3)
     total = beyond[i, 0:3]
@@ -221,17 +221,17 @@ def _turned_whole(positions: Floats, middles: Floats, beyond: Floats, i: int, tu
     for axis in range(3):
         spin[axis] = 1.0
         cross(total, spin, change)
-        rotate_back(middles[i], change, turned[0:3, axis])
+        rotate_back(middles[i], change, rotated[0:3, axis])
         cross(moment, spin, change)
         change[axis] -= trace
         for k in range(3):
             change[k] += beyond[i, 6 + 3 * k + axis] - arm[k] * total[axis]
-        rotate_back(middles[i], change, turned[3:6, axis])
+        rotate_back(middles[i], change, rotated[3:6, axis])
         spin[axis] = 0.0
 
 
 @njit(cache=True, nogil=True)
-def turned_parts(middles: Floats, actions: Actions, drive: ChainInputs, parts: Floats) -> None:
+def rotated_parts(middles: Floats, actions: Actions, drive: ChainInputs, parts: Floats) -> None:
     """Fill what a unit turn changes of the wrench that actions inside each link add, shape (links, 6, 3)."""
     force, couple, column, spin = np.empty(3), np.empty(3), np.empty(6), np.zeros(3)
     parts.fill(0.0)

@@ -97,8 +97,8 @@ class Bend:
         shape = self.scale[:, None] * self._frame() @ bend_jacobian(direction)
         reference = section_rotation(frames, self.reference) @ exp(_axes(self.reference_tilt))
         # A rotation vector w of the section turns d by U^T (w x U d), one of the reference by its opposite.
-        turned = shape @ -skew(direction) @ transpose(reference)
-        rows = np.concatenate([np.zeros_like(turned), turned], axis=-1)
+        rotated = shape @ -skew(direction) @ transpose(reference)
+        rows = np.concatenate([np.zeros_like(rotated), rotated], axis=-1)
         twists = twist_rows(frames, self.section, rows)
         twists = twists - twist_rows(frames, self.reference, rows)
         predicted = bend_of(direction) @ self._frame().T * self.scale + self.bias

@@ -68,17 +68,17 @@ def register(
         counts = np.isfinite(measured).sum(axis=0)
         measured = np.where(counts > 0, np.nansum(measured, axis=0) / np.maximum(counts, 1), np.nan)
     valid = np.isfinite(measured).all(axis=-1)
-    known, measured = base_points[valid], measured[valid]
-    if len(known) < 3:
-        what = f"{len(known)} of {len(base_points)} are seen, at least three are needed"
+    expected, measured = base_points[valid], measured[valid]
+    if len(expected) < 3:
+        what = f"{len(expected)} of {len(base_points)} are seen, at least three are needed"
         raise InputError(
             source, what, "name them as the specimen does, or leave out all of the base's markers"
         )
-    centre, measured_centre = known.mean(axis=0), measured.mean(axis=0)
-    spread = np.linalg.svd(known - centre, compute_uv=False)
+    centre, measured_centre = expected.mean(axis=0), measured.mean(axis=0)
+    spread = np.linalg.svd(expected - centre, compute_uv=False)
     if spread[1] < 1e-3 * spread[0]:
         raise InputError(source, "they lie on one line", "move one of them off it")
-    rotation = nearest_rotation((known - centre).T @ (measured - measured_centre))
-    jacobians = np.concatenate([np.tile(np.eye(3), (len(known), 1, 1)), -skew(known)], axis=-1)
+    rotation = nearest_rotation((expected - centre).T @ (measured - measured_centre))
+    jacobians = np.concatenate([np.tile(np.eye(3), (len(expected), 1, 1)), -skew(expected)], axis=-1)
     information = np.einsum("nij,nik->jk", jacobians, jacobians) / sigma**2
     return Registration(rotation, centre - rotation @ measured_centre, np.linalg.inv(information))

@@ -210,13 +210,13 @@ class SensorSuite:
     @cached_property
     def base_recorded(self) -> bool:
         """Whether the recorded base tells where the laboratory is."""
-        known = [m.registration for m in self.measurements if m.registration is not None]
-        return any(not np.array_equal(one.rotation, np.eye(3)) for one in known)
+        registrations = [m.registration for m in self.measurements if m.registration is not None]
+        return any(not np.array_equal(one.rotation, np.eye(3)) for one in registrations)
 
     def moved(self, twist: Floats) -> "SensorSuite":
         """Move what the registrations map to by a twist (v [m], w [rad]), shape (6,)."""
-        known = {id(m.registration): m.registration for m in self.measurements}
-        moved = {key: one.moved(twist) for key, one in known.items() if one is not None}
+        registrations = {id(m.registration): m.registration for m in self.measurements}
+        moved = {key: one.moved(twist) for key, one in registrations.items() if one is not None}
         return replace(
             self,
             measurements=tuple(

@@ -58,9 +58,9 @@ def with_segments(response: ArmResponse, model: BatchArmModel, segments: Segment
     if not response.input_jacobian.shape[-1]:
         return response
     if model.takes_eigenstrains:
-        own = [model.regions.index(name) for name in segments.names]
+        indices = [model.regions.index(name) for name in segments.names]
         by_region = response.eigenstrain_jacobian
-        columns = by_region.reshape(*by_region.shape[:2], -1, 4)[:, :, own]
+        columns = by_region.reshape(*by_region.shape[:2], -1, 4)[:, :, indices]
         return replace(response, eigenstrain_jacobian=columns.reshape(*by_region.shape[:2], -1))
     by_wrench = response.load_jacobian
     return replace(response, eigenstrain_jacobian=yielding(segments, response.frames, by_wrench))
@@ -128,12 +128,12 @@ class SimulatedArm:
         if not np.any(drive.couples) and not strained:
             return np.zeros_like(drive.wrenches)
         none = np.zeros_like(drive.couples)
-        known = near or self.respond(replace(drive, couples=none, eigenstrains=none))
+        start = near or self.respond(replace(drive, couples=none, eigenstrains=none))
         couples = drive.couples
         if strained:
-            stiffness = stiffness_along(self.segments, known.frames, known.load_jacobian)
+            stiffness = stiffness_along(self.segments, start.frames, start.load_jacobian)
             couples = couples + np.einsum("tgij,tgj->tgi", stiffness, drive.eigenstrains)
-        return self.segments.wrenches(known.frames, couples)
+        return self.segments.wrenches(start.frames, couples)
 
 
 def _rotated(response: ArmResponse, rotation: Floats) -> ArmResponse:
@@ -147,8 +147,8 @@ def _rotated(response: ArmResponse, rotation: Floats) -> ArmResponse:
     if inputs:
         chambers = response.chambers
         vectors = input_jacobian[..., chambers:].reshape(samples, rows, -1, 3)
-        turned = np.einsum("tij,trkj->trki", rotation, vectors).reshape(samples, rows, -1)
-        input_jacobian = np.concatenate([input_jacobian[..., :chambers], turned], axis=-1)
+        rotated = np.einsum("tij,trkj->trki", rotation, vectors).reshape(samples, rows, -1)
+        input_jacobian = np.concatenate([input_jacobian[..., :chambers], rotated], axis=-1)
     return replace(
         response,
         frames=frames,

@@ -76,8 +76,8 @@ def second_order(
         The output, shape (samples, ...), and the memory.
     """
     if inertia <= 0.0:
-        out, left = first_order(time, values, damping, memory[:3])
-        return out, (*left, np.zeros_like(left[2]))
+        out, velocity = first_order(time, values, damping, memory[:3])
+        return out, (*velocity, np.zeros_like(velocity[2]))
     when, before, state, speed = memory or (time[:1], values[0], values[0], np.zeros_like(values[0]))
     steps = np.diff(time, prepend=when)
     move = _propagators(steps, inertia, damping)
@@ -85,10 +85,10 @@ def second_order(
     for k, step in enumerate(steps):
         if step > 0.0:
             slope = (values[k] - before) / step
-            gap, drift = state - before + damping * slope, speed - slope
+            jump, drift = state - before + damping * slope, speed - slope
             (a, b), (c, d) = move[k]
-            state = values[k] - damping * slope + a * gap + b * drift
-            speed = slope + c * gap + d * drift
+            state = values[k] - damping * slope + a * jump + b * drift
+            speed = slope + c * jump + d * drift
         before = values[k]
         out[k] = state
     return out, (time[-1:], values[-1], state, speed)

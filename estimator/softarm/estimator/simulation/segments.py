@@ -27,14 +27,14 @@ def neighbours_of(specimen: Specimen, sections: tuple[str, ...]) -> Neighbours:
     Raises:
         InputError: If no section that the model gives lies below a segment.
     """
-    found = []
+    neighbours = []
     for part in specimen.segments:
         upper = specimen.section_above(part.from_m, sections)
         lower = specimen.section_below(part.to_m, sections)
         if lower is None:
             raise InputError("sections", f"none below segment {part.name!r}", "add a section at its end")
-        found.append((-1 if upper is None else sections.index(upper), sections.index(lower)))
-    return tuple(found)
+        neighbours.append((-1 if upper is None else sections.index(upper), sections.index(lower)))
+    return tuple(neighbours)
 
 
 @dataclass(frozen=True)
@@ -75,13 +75,13 @@ class Segments:
 
     def _ends(self, frames: Frames) -> tuple[Floats, Floats, Floats]:
         """Return R_a, R_b, shape (..., segments, 3, 3), and the chords, shape (..., segments, 3)."""
-        turned = frames.rotations @ np.swapaxes(self.rest.rotations, -1, -2)
-        upper = np.zeros((*turned.shape[:-3], self.count, 3, 3))
+        rotations = frames.rotations @ np.swapaxes(self.rest.rotations, -1, -2)
+        upper = np.zeros((*rotations.shape[:-3], self.count, 3, 3))
         start = np.zeros(upper.shape[:-1])
         for g, a in enumerate(self.above):
-            upper[..., g, :, :] = np.eye(3) if a < 0 else turned[..., a, :, :]
+            upper[..., g, :, :] = np.eye(3) if a < 0 else rotations[..., a, :, :]
             start[..., g, :] = 0.0 if a < 0 else frames.positions[..., a, :]
-        lower = turned[..., list(self.below), :, :]
+        lower = rotations[..., list(self.below), :, :]
         return upper, lower, frames.positions[..., list(self.below), :] - start
 
     @property

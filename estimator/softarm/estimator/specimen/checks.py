@@ -74,8 +74,8 @@ def _heights(specimen: "Specimen") -> Iterator[Inconsistency]:
 def _stack(specimen: "Specimen") -> Iterator[Inconsistency]:
     parts = specimen.parts
     for below, above in pairwise(parts):
-        gap = above.from_m - below.to_m
-        if abs(gap) > HEIGHT_TOLERANCE_M:
+        distance = above.from_m - below.to_m
+        if abs(distance) > HEIGHT_TOLERANCE_M:
             yield Inconsistency(
                 f"{_path(specimen, above.name)}.from_m",
                 f"'{above.name}' begins at {above.from_m} m but '{below.name}' ends at {below.to_m} m",
@@ -223,9 +223,9 @@ def _references(specimen: "Specimen") -> Iterator[Inconsistency]:
             if entry.where.segment is not None
         ),
     ]
-    for path, name, known in named:
-        if name not in known:
-            yield Inconsistency(path, f"no part '{name}'", _suggest(name, known, "part"))
+    for path, name, names in named:
+        if name not in names:
+            yield Inconsistency(path, f"no part '{name}'", _suggest(name, names, "part"))
     count = len(specimen.chambers)
     for i, calibrated in enumerate(specimen.calibration.chambers):
         if calibrated.index >= count:
@@ -243,5 +243,5 @@ def _rotations(specimen: "Specimen") -> Iterator[Inconsistency]:
             )
 
 
-def _suggest(name: str, known: list[str], kind: str) -> str:
-    return suggest(name, known, f"give a known {kind}: {', '.join(known) or 'none is defined'}")
+def _suggest(name: str, names: list[str], kind: str) -> str:
+    return suggest(name, names, f"give a known {kind}: {', '.join(names) or 'none is defined'}")

@@ -92,8 +92,8 @@ def _choice(path: str, kind: str, context: dict[str, Any], value: Any) -> Iterat
         given, expected = str(context["tag"]), str(context["expected_tags"])
     else:
         given, expected = str(value), str(context["expected"])
-    known = [word.strip(" '") for word in expected.replace(" or ", ", ").split(",")]
-    cure = suggest(given, known, f"give one of {', '.join(known)}")
+    choices = [word.strip(" '") for word in expected.replace(" or ", ", ").split(",")]
+    cure = suggest(given, choices, f"give one of {', '.join(choices)}")
     yield Inconsistency(path, f"'{given}' is not known", cure)
 
 
@@ -103,8 +103,8 @@ def _short(value: Any) -> str:
 
 
 def _nearest(key: str, owner: type[BaseModel] | None) -> str:
-    known = _keys(owner) if owner else []
-    return suggest(key, known, f"known here: {', '.join(known)}", cutoff=0.4)
+    keys = _keys(owner) if owner else []
+    return suggest(key, keys, f"known here: {', '.join(keys)}", cutoff=0.4)
 
 
 def _keys(owner: type[BaseModel]) -> list[str]:

@@ -139,7 +139,7 @@ def stretch_kernel(
         rows: Likewise, shape (n, C, 6 sections) or without columns.
     """
     start, end, reach = np.empty(3), np.empty(3), np.empty(3)
-    lower, upper, across, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    lower, upper, across, rotated = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for n in range(positions.shape[0]):
         for c in range(len(lengths)):
             b, a = below[c], above[c]
@@ -163,7 +163,7 @@ def stretch_kernel(
             bend = -over_angle / cardinal * chord / lengths[c]
             along = ratio / lengths[c] / max(chord, 1e-12)
             for section, sign, arm in ((b, -1.0, start), (a, 1.0, end)):
-                cross(arm, reach, turned)
+                cross(arm, reach, rotated)
                 for k in range(3):
                     rows[n, c, 6 * section + k] = sign * along * reach[k]
-                    rows[n, c, 6 * section + 3 + k] = sign * (along * turned[k] - bend * across[k])
+                    rows[n, c, 6 * section + 3 + k] = sign * (along * rotated[k] - bend * across[k])

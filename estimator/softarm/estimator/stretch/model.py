@@ -136,8 +136,8 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         """Linearise about a state under given inputs."""
         placing: Any = self.model
         stretches = self.law.stretches(placing.section_frames(state))
-        given = replace(inputs, pressures=self.law.effective(inputs.pressures, stretches))
-        return StretchedStep(self, inputs, stretches, self.model.linearise(state, given))
+        effective = replace(inputs, pressures=self.law.effective(inputs.pressures, stretches))
+        return StretchedStep(self, inputs, stretches, self.model.linearise(state, effective))
 
     def advance(self, step: StretchedStep[State, Step], change: Floats) -> State:
         """Take the Newton step for inputs changed by ``change`` (pressures, then loads)."""
@@ -145,8 +145,8 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
 
     def solve(self, inputs: Inputs, start: State) -> tuple[State, bool]:
         """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
-        given = replace(inputs, pressures=self.law.effective(inputs.pressures, np.zeros(self.chambers)))
-        state, converged = self.model.solve(given, start)
+        effective = replace(inputs, pressures=self.law.effective(inputs.pressures, np.zeros(self.chambers)))
+        state, converged = self.model.solve(effective, start)
         unchanged = np.zeros(self.chambers + len(self.loads))
         for _ in range(PASSES if converged else 0):
             step = self.linearise(state, inputs)

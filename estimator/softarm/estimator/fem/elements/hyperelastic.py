@@ -124,13 +124,15 @@ class Solids:
         deformation = self.deformation(positions)
         ratio = np.linalg.det(deformation)
         mean = (self.weights * ratio).sum(axis=1) / self.weights.sum(axis=1)
-        left = np.einsum("eqij,eqkj->eqik", deformation, deformation) * ratio[..., None, None] ** (-2.0 / 3.0)
-        excess = np.trace(left, axis1=2, axis2=3) - 3.0
+        cauchy_green = np.einsum("eqij,eqkj->eqik", deformation, deformation) * ratio[..., None, None] ** (
+            -2.0 / 3.0
+        )
+        excess = np.trace(cauchy_green, axis1=2, axis2=3) - 3.0
         energy, slope = _isochoric(excess, self.coefficients)
         deviator = (
             2.0
             * (slope / ratio)[..., None, None]
-            * (left - (excess / 3.0 + 1.0)[..., None, None] * np.eye(3))
+            * (cauchy_green - (excess / 3.0 + 1.0)[..., None, None] * np.eye(3))
         )
         von_mises = np.sqrt(1.5 * np.einsum("eqij,eqij->eq", deviator, deviator))
         share = self.weights / self.weights.sum(axis=1, keepdims=True)

@@ -52,8 +52,8 @@ class Material:
     def __post_init__(self) -> None:
         """Check the parameters."""
         if self.law not in LAW_CODES and self.law not in FRAME_CODES:
-            known = ", ".join([*LAW_CODES, *FRAME_CODES])
-            raise InputError("material", f"law {self.law!r} is unknown", f"use one of {known}")
+            names = ", ".join([*LAW_CODES, *FRAME_CODES])
+            raise InputError("material", f"law {self.law!r} is unknown", f"use one of {names}")
         if not self.young > 0.0:
             raise InputError("material", f"young = {self.young} Pa is not positive", "give it in pascal")
         if not 0.0 < self.poisson < 0.5:

@@ -63,8 +63,8 @@ class Pattern:
         first, second = np.broadcast_arrays(place[:, :, None], place[:, None, :])
         low, high = np.minimum(first, second), np.maximum(first, second)
         keys = self.column * self.free + self.row
-        found = np.searchsorted(keys, np.maximum(low, 0) * self.free + np.maximum(high, 0))
-        slots = np.where(first >= second, found, -2 - found)
+        index = np.searchsorted(keys, np.maximum(low, 0) * self.free + np.maximum(high, 0))
+        slots = np.where(first >= second, index, -2 - index)
         return np.where(low < 0, FIXED, slots).astype(np.int32)
 
     def gather(self, nodal: Floats) -> Floats:

@@ -122,8 +122,8 @@ def _borders(pattern: Pattern, ordering: Ordering, by_owner: Indices, slot_start
     pending: list[list[Indices]] = [[] for _ in range(count)]
     borders = []
     for s in range(count):
-        own = pattern.row[by_owner[slot_start[s] : slot_start[s + 1]]]
-        touched = np.unique(np.concatenate([own, *pending[s]]))
+        rows = pattern.row[by_owner[slot_start[s] : slot_start[s + 1]]]
+        touched = np.unique(np.concatenate([rows, *pending[s]]))
         border = touched[touched >= ordering.start[s + 1]]
         borders.append(border)
         if ordering.parent[s] >= 0:

@@ -44,15 +44,15 @@ def _triangles(kind: str) -> Floats:
     """Cut the parent of a facet into small triangles, shape (triangles, 3, 2)."""
     n = SUBDIVISIONS
     grid = np.linspace(-1.0 if CORNERS[kind] == 4 else 0.0, 1.0, n + 1)
-    found = []
+    triangles = []
     for i in range(n):
         for j in range(n if CORNERS[kind] == 4 else n - i):
             a, b = (grid[i], grid[j]), (grid[i + 1], grid[j])
             c, d = (grid[min(i + 1, n)], grid[min(j + 1, n)]), (grid[i], grid[j + 1])
-            found.append((a, b, d))
+            triangles.append((a, b, d))
             if CORNERS[kind] == 4 or i + j < n - 1:
-                found.append((b, c, d))
-    return np.array(found)
+                triangles.append((b, c, d))
+    return np.array(triangles)
 
 
 def _crossings(cells: Floats, heights: Floats) -> tuple[Indices, Floats]:
