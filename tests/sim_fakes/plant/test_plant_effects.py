@@ -5,7 +5,9 @@ import pytest
 
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.arm import FakeArm
+from softarm.fakes.plant.chain import build
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed, effect
+from softarm.fakes.plant.parameters import ArmParameters
 from softarm.fakes.plant.state import PlantInputs, PlantState
 from tests.sim_fakes.plant.driving import MakeArm, hold, move, pressures
 
@@ -54,6 +56,13 @@ def test_an_effect_of_typical_strength_moves_the_arm(
 ) -> None:
     state = shaken(make_arm(Concealed(name)))
     assert np.abs(state.positions - plain_motion.positions).max() > 2e-5
+
+
+def test_silicone_and_connectors_grow_denser_alike(small: ArmParameters) -> None:
+    denser = ARM_EFFECTS["distributed_mass"].change(small, {}, {"change": 0.2})
+    added = build(denser).model.body_mass.sum() - build(small).model.body_mass.sum()
+    own = sum(segment.mass for segment in small.segments) + sum(small.rigid_masses)
+    assert added == pytest.approx(0.2 * own)
 
 
 def bend(state: PlantState, segment: int = 0) -> float:
