@@ -1,6 +1,6 @@
 """The rules of the choice, each on numbers of which it is known what they should decide."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -35,7 +35,7 @@ from softarm.estimator.diagnosis.judge import (
     judge,
 )
 from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
-from softarm.estimator.diagnosis.nominal import MATERIAL, evidence_of_change, prior_before
+from softarm.estimator.diagnosis.nominal import MATERIAL, evidence_of_change, passive, prior_before
 from softarm.estimator.diagnosis.normal_equations import (
     NewColumns,
     NormalEquations,
@@ -304,6 +304,40 @@ def test_a_change_beyond_what_differs_from_run_to_run_is_evidence():
     assert change_seen(0.0) < 0.0
     assert change_seen(0.02) < 0.0
     assert change_seen(0.5) > 20.0
+
+
+@dataclass(frozen=True)
+class MemoryOfMaterial:
+    """What bounds of memory read of a regression problem."""
+
+    library: Library
+    nuisances: int = 1
+    stages: tuple[Any, ...] = (SimpleNamespace(world=SimpleNamespace(segments=("upper", "lower"))),)
+
+    @property
+    def size(self) -> int:
+        return self.nuisances + len(self.library.directions)
+
+
+def test_memory_may_shrink_by_what_nominal_recordings_show_of_it_and_no_further():
+    """The upper segment has 0.06 of hysteresis over all reaches, with the whole arm's; the lower one none."""
+    upper, whole = (
+        Hypothesis(EFFECTS["hysteresis"], Place(segment="upper")),
+        Hypothesis(EFFECTS["hysteresis"], Place()),
+    )
+    heavy = hypothesis("distributed_mass")
+    directions = (
+        Direction(0, 0, 0, np.array([0.1, 0.03]), 0.1, 0.15),
+        Direction(0, 1, 0, np.array([0.1, 0.3]), 0.1, 0.15),
+        Direction(1, 0, 0, np.array([0.1, 0.1]), 0.1, 0.15),
+        Direction(2, 0, 0, np.array([0.1]), 0.1, 0.1),
+    )
+    amounts = np.array([0.05, -0.01, 0.02, 0.0]) / [direction.typical for direction in directions]
+    prior = Gaussian(np.array([0.7, *amounts]), np.diag([1.0, 0.0, 0.0, (0.01 / 0.15) ** 2, 1.0]))
+    bounded = passive(cast("Any", MemoryOfMaterial(Library((upper, whole, heavy), directions))), prior)
+    least = [one.effect.parameters[0].lower for one in bounded.library.hypotheses]
+    assert least == pytest.approx([-0.06 - 0.02, -0.02 - 0.02, heavy.effect.parameters[0].lower])
+    assert bounded.library.hypotheses[0].effect.parameters[1] == EFFECTS["hysteresis"].parameters[1]
 
 
 def chosen(*fits: Fit, gain: float = 100.0) -> ChosenEffects:

@@ -26,7 +26,7 @@ from softarm.estimator.diagnosis.library import Library, build_library, library_
 from softarm.estimator.diagnosis.locate import locate
 from softarm.estimator.diagnosis.motion import motions_of
 from softarm.estimator.diagnosis.natural_frequency import natural_frequency_of
-from softarm.estimator.diagnosis.nominal import evidence_of_change, prior_before
+from softarm.estimator.diagnosis.nominal import evidence_of_change, passive, prior_before
 from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.nuisances import Nuisances, calibrate_sessions, only_drawn
 from softarm.estimator.diagnosis.pose import with_poses
@@ -221,7 +221,7 @@ def begin(
     weights = evidence.weigh()
     prior, width = prior_before(evidence, weights)
     return Search(
-        with_poses(evidence, weights, prior),
+        with_poses(passive(evidence, prior), weights, prior),
         weights,
         prior,
         np.random.default_rng(seed),

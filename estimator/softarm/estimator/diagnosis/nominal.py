@@ -1,6 +1,7 @@
 """What nominal recordings teach: the common coefficients, and how far these carry to other runs."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -8,6 +9,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.evidence import BACKGROUND, RegressionProblem
 from softarm.estimator.diagnosis.folds import Marginaliser
 from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
+from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, total
 from softarm.estimator.diagnosis.weights import Weights
 
@@ -19,6 +21,8 @@ MATERIAL = 0.1
 """Changes by less, in typical sizes, are as between any two manoeuvres of one arm."""
 UNKNOWN = 0.03
 """The same where no nominal recording tells."""
+LEAST = 2.0
+"""Deviations by which an arm may seem to have less than none of what only dissipates."""
 NUISANCE = 0.1
 """What changes of the calibration from run to run, in its prior spread, per typical size of effects."""
 
@@ -37,6 +41,42 @@ def prior_before(evidence: RegressionProblem, weights: Weights) -> tuple[Gaussia
     width = _width(evidence, prior, parts, weights.effective_sample_fraction)
     learnt = prior.posterior(total(parts, evidence.size), weights.effective_sample_fraction)
     return learnt.inflate(_spreads(evidence, width)), width
+
+
+def passive(evidence: RegressionProblem, prior: Gaussian) -> RegressionProblem:
+    """Bound what dissipates: it may become less than nominal recordings show, but not less than none.
+
+    Args:
+        evidence: All recordings.
+        prior: Of the common coefficients, from nominal recordings where there are some.
+    """
+
+    def bounded(hypothesis: Hypothesis) -> Hypothesis:
+        parameters = tuple(
+            replace(p, lower=max(p.lower, -_most(evidence, prior, hypothesis, number))) if p.dissipates else p
+            for number, p in enumerate(hypothesis.effect.parameters)
+        )
+        return replace(hypothesis, effect=replace(hypothesis.effect, parameters=parameters))
+
+    hypotheses = tuple(bounded(one) for one in evidence.library.hypotheses)
+    return replace(evidence, library=replace(evidence.library, hypotheses=hypotheses))
+
+
+def _most(evidence: RegressionProblem, prior: Gaussian, hypothesis: Hypothesis, parameter: int) -> float:
+    """Return how much of an amplitude, over all its shapes, every segment that an effect acts on may have."""
+    most = np.inf
+    for segment in evidence.stages[0].world.segments:
+        if hypothesis.place.segment not in (None, segment):
+            continue
+        amount = np.zeros(evidence.size)
+        for column, direction in enumerate(evidence.library.directions, evidence.nuisances):
+            other = evidence.library.hypotheses[direction.hypothesis]
+            here = other.place.segment in (None, segment)
+            if other.name == hypothesis.name and here and direction.parameter == parameter:
+                amount[column] = direction.typical
+        deviation = float(np.sqrt(amount @ prior.covariance @ amount))
+        most = min(most, max(float(amount @ prior.mean), 0.0) + LEAST * deviation)
+    return most
 
 
 def background_of(usual: Marginaliser, new: NewColumns, width: float, size: float) -> tuple[Floats, Gaussian]:
@@ -164,6 +204,7 @@ __all__ = [
     "background_of",
     "changed_prior",
     "evidence_of_change",
+    "passive",
     "prior_before",
     "usual_recordings",
 ]

@@ -78,6 +78,7 @@ class ParameterSpec:
             the unit or, on the log scale, in natural logarithms.
         alone: Plainer effect that this amplitude is by itself, and the sign of that effect's amplitude
             where this one is positive.
+        dissipates: Whether a material with less than none of it would give off energy.
     """
 
     name: str
@@ -89,6 +90,7 @@ class ParameterSpec:
     transform: Literal["linear", "log", "inverse"] = "linear"
     spread: float = 1.0
     alone: tuple[EffectName, float] | None = None
+    dissipates: bool = False
 
     @property
     def scale(self) -> float:

@@ -86,7 +86,7 @@ HYSTERESIS = Effect(
     name="hysteresis",
     hook="constitutive",
     parameters=(
-        ParameterSpec("strength", "1", 0.15, -0.5, 0.9, spread=0.2),
+        ParameterSpec("strength", "1", 0.15, -0.5, 0.9, spread=0.2, dissipates=True),
         ParameterSpec("reach", "rad", 0.1, 0.002, 2.0, "shape", "log", spread=1.0),
     ),
     places=whole_and_segments,
@@ -383,7 +383,7 @@ VISCOELASTIC_CREEP = Effect(
     name="viscoelastic_creep",
     hook="constitutive",
     parameters=(
-        ParameterSpec("strength", "1", 0.1, -0.5, 2.0, spread=0.2),
+        ParameterSpec("strength", "1", 0.1, -0.5, 2.0, spread=0.2, dissipates=True),
         ParameterSpec("time_constant", "s", 20.0, 0.5, 500.0, "shape", "log", 1.5),
         ParameterSpec("instant_change", "1", 0.05, -0.5, 0.5, spread=0.1, alone=("segment_stiffness", -1.0)),
     ),
