@@ -6,9 +6,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from matplotlib.patches import Polygon
 
+from softarm.analysis.plots.specimen import draw_specimen
 from softarm.cli import run
+from tests.sim_fakes.arms import three_chambers
 
 
 def test_a_specimen_is_listed_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -19,6 +23,17 @@ def test_a_specimen_is_listed_and_drawn(tmp_path: Path, capsys: pytest.CaptureFi
     assert "tip" in [row["section"] for row in sections["rows"]]
     assert "single_segment is valid" in captured.err
     assert (tmp_path / "arm.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_round_arm_is_drawn_round() -> None:
+    arm = three_chambers()
+    _, cross_section = draw_specimen(arm).axes
+    body = cross_section.patches[0]
+    assert isinstance(body, Polygon)
+    corners = body.get_xy()
+    middles = 0.5 * (corners[1:] + corners[:-1])
+    nearest_m = min(np.linalg.norm(middles, axis=1)) / 1e3
+    assert nearest_m == pytest.approx(arm.geometry.outer_radius_m, rel=0.02)
 
 
 @pytest.mark.parametrize(

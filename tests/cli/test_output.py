@@ -6,7 +6,7 @@ import pytest
 from softarm.cli import run
 from softarm.cli.bench import LABORATORY_BENCHMARKS, benchmarks, command
 from softarm.cli.output import ProgressLines, progress, show
-from softarm.common.tables import Table, as_markdown, text
+from softarm.common.tables import Table, as_markdown, heading, text
 
 
 def test_table_prints_rows_and_notes(capsys: pytest.CaptureFixture[str]) -> None:
@@ -15,8 +15,16 @@ def test_table_prints_rows_and_notes(capsys: pytest.CaptureFixture[str]) -> None
         as_json=False,
     )
     printed = capsys.readouterr().out
-    for words in ("Forces", "force rms n", "a[1]", "0.1235", "yes", "One note."):
+    for words in ("Forces", "force rms N", "a[1]", "0.1235", "yes", "One note."):
         assert words in printed
+
+
+@pytest.mark.parametrize(
+    ("key", "written"),
+    [("limit_kpa", "limit kPa"), ("tip_z_mm", "tip z mm"), ("rate_hz", "rate Hz"), ("n", "n")],
+)
+def test_a_heading_writes_its_unit_as_a_symbol(key: str, written: str) -> None:
+    assert heading(key) == written
 
 
 def test_json_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
@@ -30,7 +38,7 @@ def test_json_has_no_nan(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_markdown_has_one_line_per_row() -> None:
     written = as_markdown(Table("Forces", [{"force_n": 0.5}, {"force_n": None}], ("Note.",)))
-    assert written.splitlines() == ["**Forces**", "", "| force n |", "|---|", "| 0.5 |", "| - |", "", "Note."]
+    assert written.splitlines() == ["**Forces**", "", "| force N |", "|---|", "| 0.5 |", "| - |", "", "Note."]
 
 
 def test_markdown_of_a_table_without_rows_is_its_title_and_notes() -> None:

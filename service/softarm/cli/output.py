@@ -13,7 +13,7 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table as RichTable
 
-from softarm.common.tables import Cell, Table, text
+from softarm.common.tables import Cell, Table, heading, text
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 PATH = click.Path(path_type=Path)
@@ -44,12 +44,12 @@ def _clean(row: Mapping[str, Cell]) -> dict[str, Cell]:
 
 def _rich_table(table: Table) -> RichTable:
     result = RichTable(title=table.title, title_justify="left", title_style="bold")
-    headings = list(table.rows[0]) if table.rows else []
-    for heading in headings:
-        numeric = all(isinstance(row.get(heading), int | float | None) for row in table.rows)
-        result.add_column(heading.replace("_", " "), justify="right" if numeric else "left", overflow="fold")
+    keys = list(table.rows[0]) if table.rows else []
+    for key in keys:
+        numeric = all(isinstance(row.get(key), int | float | None) for row in table.rows)
+        result.add_column(heading(key), justify="right" if numeric else "left", overflow="fold")
     for row in table.rows:
-        result.add_row(*(text(row.get(heading)).replace("[", r"\[") for heading in headings))
+        result.add_row(*(text(row.get(key)).replace("[", r"\[") for key in keys))
     return result
 
 

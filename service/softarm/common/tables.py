@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 Cell = str | int | float | bool | None
 TINY = 1e-15
+UNITS = {"pa": "Pa", "kpa": "kPa", "n": "N", "hz": "Hz"}
+"""Symbols of units that have capital letters, by how keys write them."""
 
 
 @dataclass(frozen=True)
@@ -15,7 +17,7 @@ class Table:
     Args:
         title: One line above the table.
         rows: One mapping per row; the keys of the first row are the headings and carry the unit
-            (``force_rms_n``), in JSON as they are, on the screen with blanks for underscores.
+            (``force_rms_n``), in JSON as they are, on the screen as :func:`heading` writes them.
         notes: Sentences below the table: what was compared with what, and how.
     """
 
@@ -33,11 +35,11 @@ def as_markdown(*tables: Table) -> str:
     for table in tables:
         lines = [f"**{table.title}**", ""]
         if table.rows:
-            headings = list(table.rows[0])
+            keys = list(table.rows[0])
             lines += [
-                _markdown_row([heading.replace("_", " ") for heading in headings]),
-                "|" + "---|" * len(headings),
-                *(_markdown_row([text(row.get(heading)) for heading in headings]) for row in table.rows),
+                _markdown_row([heading(key) for key in keys]),
+                "|" + "---|" * len(keys),
+                *(_markdown_row([text(row.get(key)) for key in keys]) for row in table.rows),
                 "",
             ]
         parts.append("\n".join([*lines, *table.notes]))
@@ -46,6 +48,12 @@ def as_markdown(*tables: Table) -> str:
 
 def _markdown_row(cells: Sequence[str]) -> str:
     return f"| {' | '.join(cells)} |"
+
+
+def heading(key: str) -> str:
+    """Write the heading of a column: ``limit_kpa`` becomes ``limit kPa``."""
+    *words, last = key.split("_")
+    return " ".join([*words, UNITS.get(last, last) if words else last])
 
 
 def text(value: Cell) -> str:

@@ -1,5 +1,6 @@
 """A specimen as softarm understands it: its body at rest, its chambers, its sections."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -26,7 +27,8 @@ def draw_specimen(specimen: Specimen) -> Figure:
     Args:
         specimen: The arm; the page shows it hanging, in millimetres.
     """
-    mesh = build_mesh(specimen, DEFAULTS.get(specimen.geometry.kind))
+    # Twice as fine, so that round walls look round and the middle of a segment is a level with all its nodes.
+    mesh = build_mesh(specimen, replace(DEFAULTS[specimen.geometry.kind], refinement=2))
     count = max(len(specimen.segments), 1)
     figure = blank(5.0 + 3.2 * count, 6.0)
     grid = figure.add_gridspec(1, 1 + count, width_ratios=(1.4, *([1.0] * count)))
