@@ -1,12 +1,16 @@
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from softarm.analysis.offline.inputs import specimen_of
 from softarm.analysis.plots.recording import amplitude_spectrum, draw_spectra, draw_streams
 from softarm.cli import run
+from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import load_specimen, save_specimen
 from softarm.recordings import load_recording, save_recording
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -54,6 +58,23 @@ def test_convert_refuses_what_is_there(run7: Path, capsys: pytest.CaptureFixture
     assert error.count("\n") == 1
     assert "--force" in error
     assert run(["convert", str(run7), str(target), "--force"]) == 0
+
+
+@pytest.mark.parametrize("target", ["elsewhere/run8", "elsewhere/run8.mcap", "elsewhere/run8.csv"])
+def test_a_conversion_elsewhere_names_the_same_specimen(target: str, run7: Path, tmp_path: Path) -> None:
+    save_specimen(load_specimen("sopra"), tmp_path / "arm.toml")
+    (run7 / "recording.toml").write_text('specimen = "../arm.toml"\n')
+    (tmp_path / "elsewhere").mkdir()
+    assert run(["convert", str(run7), str(tmp_path / target)]) == 0
+    converted = load_recording(tmp_path / target)
+    assert specimen_of(None, [tmp_path / target], [converted]).name == "sopra"
+
+
+def test_a_specimen_that_is_named_and_missing_is_refused_with_the_file_that_names_it(run7: Path) -> None:
+    table = run7.parent / "run8.csv"
+    save_recording(replace(load_recording(run7), info={"specimen": "none.toml"}), table)
+    with pytest.raises(InputError, match=r"run8\.toml, specimen: 'none\.toml': no such specimen"):
+        specimen_of(None, [table], [load_recording(table)])
 
 
 def test_convert_says_when_a_file_was_cut_off(run7: Path, capsys: pytest.CaptureFixture[str]) -> None:

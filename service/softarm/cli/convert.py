@@ -1,12 +1,16 @@
 """``softarm convert IN OUT``: a recording from one format to another."""
 
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import click
 
 from softarm.cli.output import PATH, force_option, json_option, progress, say, show
 from softarm.common.tables import Table
+from softarm.estimator.recording import Recording
 from softarm.recordings import load_recording, read_attachments, save_recording
+from softarm.recordings.load import data_file
 from softarm.recordings.summary import summary
 
 
@@ -31,8 +35,18 @@ def command(source: Path, target: Path, column_map: Path | None, force: bool, as
     Example: softarm convert run7.mcap run7
     """
     with progress(f"converting {source.name}"):
-        recording = load_recording(source, column_map)
+        recording = _names_its_specimen_from(load_recording(source, column_map), source, target)
         written = save_recording(recording, target, force=force, attachments=read_attachments(source))
     if "recovered" in recording.info:
         say(f"{source}: {recording.info['recovered']}")
     show(Table(f"{source} to {', '.join(map(str, written))}", summary(recording)), as_json=as_json)
+
+
+def _names_its_specimen_from(recording: Recording, source: Path, target: Path) -> Recording:
+    """Let a recording that names a specimen file beside it name the same file from another folder."""
+    named = Path(str(recording.info.get("specimen", "")))
+    beside = data_file(source).parent / named
+    if named.is_absolute() or not beside.is_file():
+        return recording
+    folder = target if target.is_dir() or not target.suffix else target.parent
+    return replace(recording, info={**recording.info, "specimen": os.path.relpath(beside, folder)})

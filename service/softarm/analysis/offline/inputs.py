@@ -11,6 +11,8 @@ from softarm.estimator.intake import Intake, take_in
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen, load_specimen, parse_specimen
 from softarm.recordings import load_recording, read_attachments
+from softarm.recordings.info import sidecar
+from softarm.recordings.load import data_file
 
 SPECIMEN_FILE = "specimen.toml"
 
@@ -88,15 +90,15 @@ def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[R
     named = recordings[0].info.get("specimen")
     if named is None:
         raise InputError(str(paths[0]), "names no specimen", "give it with --specimen")
-    folder = paths[0] if paths[0].is_dir() else paths[0].parent
-    where = f"{folder / 'recording.toml'}, specimen"
+    data = data_file(paths[0])
     try:
         if str(named) in SHIPPED:
             return load_specimen(str(named))
-        beside = folder / str(named)
+        beside = data.parent / str(named)
         return load_specimen(beside if beside.is_file() else str(named))
     except InputError as error:
-        raise InputError(where, f"{named!r}: {error.what}", error.cure) from None
+        metadata = sidecar(data) if sidecar(data).is_file() else data
+        raise InputError(f"{metadata}, specimen", f"{named!r}: {error.what}", error.cure) from None
 
 
 def taken_in(recording: Recording, specimen: Specimen, notify: Callable[[str], None]) -> Intake:
