@@ -19,7 +19,15 @@ from numpy.typing import NDArray
 from softarm.estimator.recording import POSE_SUFFIXES, Recording
 from softarm.recordings.columns import TIME, place
 from softarm.recordings.info import format_info
-from softarm.recordings.scene import FRAMES, measured_transforms
+from softarm.recordings.scene import (
+    BASE,
+    FRAMES,
+    SCENE,
+    estimated,
+    force_scene,
+    frame_transforms,
+    measured_transforms,
+)
 
 LIBRARY = "softarm"
 METADATA = "softarm.recording"
@@ -28,7 +36,7 @@ STARTED = "started_unix_ns"
 INFO_FILE = "recording.toml"
 NANOSECONDS = 1_000_000_000
 DRAWN_EVERY_S = 0.05
-"""Measured frames are written for viewers so often; each of their readings is in the stream of its own."""
+"""Frames and forces are written for viewers so often; each of their values is in a stream of its own."""
 TEXTS: Mapping[str, tuple[str, ...]] = {
     "mode": ("before", "after", "cause", "by"),
     "event": ("kind", "where", "text", "by"),
@@ -151,12 +159,27 @@ class StreamWriter:
         present = {f: v for f, v in zip(fields, values, strict=True) if math.isfinite(v)}
         self._add(channel, self._stamped(stamp) | present, stamp)
         if topic.startswith("frame/") and fields == POSE_SUFFIXES and len(present) == len(fields):
-            self._draw_measured(topic.removeprefix("frame/"), values, stamp)
+            self._draw_measured(topic, values, stamp)
+        elif topic == "estimate":
+            self._draw_estimated(present, stamp)
 
-    def _draw_measured(self, section: str, pose: Sequence[float], stamp: RecordTimes) -> None:
-        if stamp.t_s - self._drawn_s.get(section, -math.inf) >= DRAWN_EVERY_S:
-            self._drawn_s[section] = stamp.t_s
-            self.write_message(FRAMES, measured_transforms(self.unix_ns(stamp), section, pose), stamp)
+    def _draw_measured(self, topic: str, pose: Sequence[float], stamp: RecordTimes) -> None:
+        if self._drawing_due(topic, stamp):
+            transforms = measured_transforms(self.unix_ns(stamp), topic.removeprefix("frame/"), pose)
+            self.write_message(FRAMES, transforms, stamp)
+
+    def _draw_estimated(self, values: Mapping[str, float], stamp: RecordTimes) -> None:
+        frames, forces = estimated(values)
+        if (frames or forces) and self._drawing_due("estimate", stamp):
+            unix_ns = self.unix_ns(stamp)
+            self.write_message(FRAMES, frame_transforms(unix_ns, BASE, frames), stamp)
+            self.write_message(SCENE, force_scene(unix_ns, forces), stamp)
+
+    def _drawing_due(self, topic: str, stamp: RecordTimes) -> bool:
+        due = stamp.t_s - self._drawn_s.get(topic, -math.inf) >= DRAWN_EVERY_S
+        if due:
+            self._drawn_s[topic] = stamp.t_s
+        return due
 
     def write_document(self, topic: str, document: Mapping[str, Any], stamp: RecordTimes) -> None:
         """Write a message of another kind, such as a change of mode; tables leave it out."""

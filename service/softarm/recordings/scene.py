@@ -5,7 +5,7 @@ own names. ``laboratory`` is the frame of the motion capture; the measured secti
 ``measured/<section>``. Where the base is measured, ``base`` is drawn there.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +20,8 @@ from foxglove_schemas_protobuf.TriangleListPrimitive_pb2 import TriangleListPrim
 from google.protobuf.timestamp_pb2 import Timestamp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
+
+from softarm.estimator.recording import POSE_SUFFIXES
 
 FRAMES, SCENE = "/frames", "/scene"
 """Topics of the frames and of the scene."""
@@ -60,6 +62,24 @@ class Force:
     section: str
     position: Sequence[float]
     force: Sequence[float]
+
+
+def estimated(values: Mapping[str, float]) -> tuple[list[Frame], list[Force]]:
+    """Return the sections that an estimate places, the base aside, and the forces on them.
+
+    Args:
+        values: What the stream ``estimate`` holds at one time, by name; what is lost is not in it.
+    """
+    frames, forces = [], []
+    for last in (name for name in values if name.startswith("frame_") and name.endswith("_qz")):
+        section = last.removeprefix("frame_").removesuffix("_qz")
+        pose = [values[f"frame_{section}_{suffix}"] for suffix in POSE_SUFFIXES]
+        if section != BASE:
+            frames.append(Frame(section, pose[:3], pose[3:]))
+        force = {axis: values.get(f"force_{section}_{axis}_n") for axis in "xyz"}
+        if any(component is not None for component in force.values()):
+            forces.append(Force(section, pose[:3], [component or 0.0 for component in force.values()]))
+    return frames, forces
 
 
 def frame_transforms(unix_ns: int, parent: str, frames: Iterable[Frame]) -> FrameTransforms:

@@ -64,8 +64,8 @@ def path(tmp_path_factory):
             streams.take(channel_reading(device, values, now[0], "fake"))
         streams.commanded((1e4, 0.0), now[0])
         streams.estimated(estimate_columns(ESTIMATE, SECTIONS), now[0] * 1e-9)
-        nodes = NODES if streams.shape_wanted else None
-        streams.drawn(SECTIONS, [LOAD], nodes, now[0] * 1e-9)
+        if streams.shape_wanted:
+            streams.shaped(NODES, now[0] * 1e-9)
     recorder.stop()
     return path
 
@@ -148,6 +148,16 @@ def test_frames_form_one_tree(messages):
         "base": "measured/base",
         "tip": "base",
     }
+
+
+def test_a_converted_estimate_is_drawn_like_that_of_the_service(path, messages, tmp_path):
+    (again,) = save_recording(load_recording(path), tmp_path / "again.mcap")
+    with again.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        decoded = [update for *_, update in reader.iter_decoded_messages("/scene")]
+    arrows = [entity.arrows[0] for update in decoded for entity in update.entities]
+    drawn = [e.arrows[0] for _, _, d in messages["/scene"] for e in d.entities if e.arrows]
+    assert list(map(str, arrows)) == list(map(str, drawn))  # one message, of two classes
 
 
 def test_it_reads_back_with_deviations_and_poses(path):

@@ -49,7 +49,8 @@ class Reporter:
         if self._streams.recording:
             sections, time_s = self._publisher.sections, result.request.time_s
             self._streams.estimated(estimate_columns(estimate, sections), time_s)
-            self._streams.drawn(sections, estimate.loads, result.nodes, time_s)
+            if result.nodes is not None:
+                self._streams.shaped(result.nodes, time_s)
 
     def transition(self, transition: Transition) -> None:
         """Report a change of mode and its client."""

@@ -6,7 +6,6 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
 import numpy as np
-from google.protobuf.message import Message
 from numpy.typing import NDArray
 
 from softarm.daemon.config import SensorSettings
@@ -16,20 +15,11 @@ from softarm.daemon.control.recorder import Document, Drawing, Recorder
 from softarm.daemon.control.recorder import Sample as RecordedSample
 from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES
 from softarm.recordings.mcap_writer import RecordTimes, Topic
-from softarm.recordings.scene import (
-    BASE,
-    FRAMES,
-    SCENE,
-    Force,
-    Frame,
-    force_scene,
-    frame_transforms,
-    surface_scene,
-)
-from softarm_client.messages import Estimate, LoadEstimate, SectionPose
+from softarm.recordings.scene import SCENE, surface_scene
+from softarm_client.messages import Estimate, SectionPose
 
-DRAWN_EVERY_NS, SHAPE_EVERY_NS = 50_000_000, 500_000_000
-"""How often viewers get frames and forces, and the surface."""
+SHAPE_EVERY_NS = 500_000_000
+"""How often viewers get the surface."""
 NO_STD = (math.nan, math.nan, math.nan)
 POSE_STD = ("x_std_m", "y_std_m", "z_std_m", "x_std_rad", "y_std_rad", "z_std_rad")
 APART_NS = 1_000
@@ -73,7 +63,7 @@ class RecordedStreams:
         self._last_ns: dict[str, int] = {}
         self._sequence = 0
         self.triangles = triangles
-        self._drawn_ns = self._shaped_ns = -SHAPE_EVERY_NS
+        self._shaped_ns = -SHAPE_EVERY_NS
 
     def take(self, reading: ChannelReading) -> None:
         """Record a reading of a channel."""
@@ -107,35 +97,18 @@ class RecordedStreams:
         due = self._clock_ns() - self._shaped_ns >= SHAPE_EVERY_NS
         return due and bool(self.triangles) and self.recording
 
-    def drawn(
-        self,
-        sections: Sequence[SectionPose],
-        loads: Sequence[LoadEstimate],
-        nodes: NDArray[np.float32] | None,
-        time_s: float,
-    ) -> None:
-        """Record what viewers draw: frames and forces twenty times a second, the surface twice.
+    def shaped(self, nodes: NDArray[np.float32], time_s: float) -> None:
+        """Record the surface of the arm for viewers, twice a second.
 
         Args:
-            sections: Estimated poses.
-            loads: Estimated forces.
-            nodes: Nodes of the surface, shape (nodes, 4); ``None`` where none was asked for.
+            nodes: Nodes of the surface, shape (nodes, 4).
             time_s: Monotonic time of the readings [s].
         """
         time_ns = round(time_s * 1e9)
-        if not self.recording:
-            return
-        if time_ns - self._drawn_ns >= DRAWN_EVERY_NS:
-            self._drawn_ns = time_ns
-            self._draw(FRAMES, partial(frame_transforms, parent=BASE, frames=_frames(sections)), time_ns)
-            self._draw(SCENE, partial(force_scene, forces=_forces(sections, loads)), time_ns)
-        if nodes is not None and self.triangles and time_ns - self._shaped_ns >= SHAPE_EVERY_NS:
+        if self.recording and self.triangles and time_ns - self._shaped_ns >= SHAPE_EVERY_NS:
             self._shaped_ns = time_ns
             surface = partial(surface_scene, nodes=nodes[:, :3], triangles=self.triangles)
-            self._draw(SCENE, surface, time_ns)
-
-    def _draw(self, topic: str, draw: Callable[[int], Message], time_ns: int) -> None:
-        self._recorder.put(Drawing(topic, draw, self._stamp(time_ns)))
+            self._recorder.put(Drawing(SCENE, surface, self._stamp(time_ns)))
 
     def document(self, topic: str, content: Mapping[str, object]) -> None:
         """Record a change of mode, a command, a finding."""
@@ -188,17 +161,6 @@ def estimate_columns(estimate: Estimate, sections: Sequence[SectionPose]) -> dic
         std = (*(pose.position_std_m or NO_STD), *(pose.rotation_std_rad or NO_STD))
         columns |= {f"{name}_{field}": value for field, value in zip(POSE_STD, std, strict=True)}
     return columns
-
-
-def _frames(sections: Sequence[SectionPose]) -> list[Frame]:
-    moving = (pose for pose in sections if pose.section != BASE)
-    return [Frame(pose.section, pose.position_m, pose.quaternion_wxyz) for pose in moving]
-
-
-def _forces(sections: Sequence[SectionPose], loads: Sequence[LoadEstimate]) -> list[Force]:
-    places = {pose.section: pose.position_m for pose in sections}
-    placed = (load for load in loads if load.section in places)
-    return [Force(load.section, places[load.section], load.force_n) for load in placed]
 
 
 def _place(sensor: SensorSettings) -> tuple[str, tuple[str, ...]]:
