@@ -49,6 +49,14 @@ def test_an_estimator_that_is_being_built_is_not_called_missing(served):
     assert "see the findings" in status_tables("test", state, None)[0].notes[0]
 
 
+def test_positions_are_rounded_to_micrometres(served):
+    with Arm("test", served.endpoint) as arm:
+        state = arm.state()
+    base = SectionPose(section="base", position_m=(1.4e-18, 0.0, 0.14), quaternion_wxyz=(1.0, 0.0, 0.0, 0.0))
+    _, sections, *_ = status_tables("test", state.model_copy(update={"sections": (base,)}), None)
+    assert [sections.rows[0][f"{axis}_mm"] for axis in "xyz"] == [0.0, 0.0, 140.0]
+
+
 def test_stop_latches_and_clear_leaves_the_fault(softarm, served):
     assert softarm("stop") == (0, {"title": "Arm test", "rows": [{"mode": "FAULTED"}], "notes": []})
     assert served.mode == "FAULTED"

@@ -3,8 +3,10 @@
 import json
 from pathlib import Path
 
+import pytest
 from click.testing import CliRunner
 
+from softarm.cli import run
 from softarm.cli.specimen import command
 from softarm.estimator.specimen import load_specimen
 
@@ -23,7 +25,7 @@ def test_measures_that_are_asked_for_become_a_specimen_and_a_picture(tmp_path: P
 
 
 def test_a_cylinder_with_four_chambers_is_asked_for(tmp_path: Path) -> None:
-    out = tmp_path / "arm.toml"
+    out = tmp_path / "new folder" / "arm.toml"
     answers = "trunk\ncylinder\n1\n\n\n\n\n\n4\n" + "\n" * 20
     result = CliRunner().invoke(command, ["new", "--out", str(out)], input=answers)
     assert result.exit_code == 0, result.output
@@ -37,3 +39,13 @@ def test_measures_that_do_not_fit_write_nothing(tmp_path: Path) -> None:
     result = CliRunner().invoke(command, ["new", "--out", str(out)], input="\n".join(walls))
     assert result.exit_code != 0
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_place_that_cannot_be_written_is_refused_before_anything_is_asked(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").touch()
+    assert run(["specimen", "new", "--out", str(tmp_path / "file" / "arm.toml")]) == 2
+    assert capsys.readouterr().err == (
+        f"softarm: {tmp_path / 'file'}: is not a folder; give a folder that you may write to\n"
+    )

@@ -288,7 +288,7 @@ class Supervisor:
 
     def _set_stale(self, now_ns: int) -> None:
         age_s = round((now_ns - self._valid_ns) / NANOSECONDS, 3)
-        cure = "check that the device measures and is in view"
+        cure = "check that the device measures; for motion capture, that the markers are in view"
         limit = self.timing.stale_after_s
         self.health.alarms.set(STALE, "no valid reading", cure, value=age_s, limit=limit, unit="s")
 

@@ -60,7 +60,7 @@ def command(
     """
     from softarm.analysis.calibration_tables import calibration_tables, drift_table
     from softarm.analysis.offline.inputs import load_recordings, specimen_of, taken_in
-    from softarm.common.files import refuse_existing
+    from softarm.common.files import require_free
     from softarm.estimator.arm import build_arm
     from softarm.estimator.calibration import (
         CalibrationRefusedError,
@@ -81,7 +81,7 @@ def command(
     if check == (out is not None):
         raise click.UsageError("give either --out FILE, to calibrate, or --check")
     if out is not None:
-        refuse_existing(out, force=force)
+        require_free(out, force=force)
     loaded = load_recordings(recordings, window)
     robot = specimen_of(specimen, recordings, loaded)
     samples = sum(len(recording.time) for recording in loaded)

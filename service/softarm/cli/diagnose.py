@@ -127,7 +127,7 @@ def command(
     from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
     from softarm.analysis.offline.inputs import load_recordings, specimen_of
-    from softarm.common.files import refuse_existing
+    from softarm.common.files import require_free
     from softarm.estimator.specimen import save_specimen
 
     robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))
@@ -140,7 +140,7 @@ def command(
         click.echo(earlier.dump() if as_json else words, nl=not as_json)
         return 0
     if write_specimen is not None:
-        refuse_existing(write_specimen, force=force)
+        require_free(write_specimen, force=force)
     with workers(jobs, dask) as executor, progress("diagnosing", sum(SHARES.values())) as advance:
         outcome = run(request, executor, _Steps(advance).tell)
     report = report_of(outcome.diagnosis)

@@ -92,10 +92,10 @@ def everything(write: Path | None, force: bool, **options: Any) -> int:
 
     Example: softarm experiment all --fake --seeds 3 --write docs/experiments.md
     """
-    from softarm.common.files import refuse_existing
+    from softarm.common.files import require_free
 
     if write is not None:
-        refuse_existing(write, force=force or write.suffix == ".md")
+        require_free(write, force=force or write.suffix == ".md")
     if not options["fake"]:
         raise click.UsageError(
             "`all` runs on simulated arms only: give --fake; with --arm, run each experiment on its own"

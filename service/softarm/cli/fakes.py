@@ -11,7 +11,7 @@ import click
 import tomli_w
 
 from softarm.cli.output import PATH, force_option, json_option, say, show
-from softarm.common.files import refuse_existing, write_whole
+from softarm.common.files import require_free, write_whole
 from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Table
 from softarm.estimator.specimen import load_specimen
@@ -71,7 +71,7 @@ def command(
         show(_faults_table(checked), as_json=as_json)
         return
     if config is not None:
-        refuse_existing(config, force=force)
+        require_free(config, force=force)
     asyncio.run(serve(checked, config, specimen, as_json=as_json))
 
 

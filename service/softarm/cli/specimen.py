@@ -37,14 +37,14 @@ def new(out: Path, force: bool, as_json: bool) -> int:
     Example: softarm specimen new --out my_arm.toml
     """
     from softarm.cli.check import draw, specimen_tables
-    from softarm.common.files import refuse_existing
+    from softarm.common.files import require_free
     from softarm.estimator.errors import InputError
     from softarm.estimator.specimen import load_specimen, save_specimen
     from softarm.estimator.specimen.measures import specimen_of_measures
 
     picture = out.with_suffix(".png")
     for path in (out, picture):
-        refuse_existing(path, force=force)
+        require_free(path, force=force)
     while True:
         measures = _ask()
         try:

@@ -75,7 +75,9 @@ def _section_rows(state: State, estimate: Estimate | None) -> list[Row]:
     rows: list[Row] = []
     for pose in state.sections:
         row: Row = {"section": pose.section}
-        row |= {f"{axis}_mm": 1e3 * value for axis, value in zip("xyz", pose.position_m, strict=True)}
+        row |= {
+            f"{axis}_mm": round(1e3 * value, 3) for axis, value in zip("xyz", pose.position_m, strict=True)
+        }
         rows.append(row | _force_cells(loads.get(pose.section)))
     return rows
 

@@ -9,14 +9,18 @@ from pathlib import Path
 from softarm.estimator.errors import InputError
 
 
-def refuse_existing(path: Path, *, force: bool) -> None:
-    """Refuse to replace a file or a folder that exists.
+def require_free(path: Path, *, force: bool) -> None:
+    """Refuse a place for an output, before the work for it begins.
 
     Raises:
-        InputError: The path exists and ``force`` is off.
+        InputError: The path exists and ``force`` is off, or its folder can neither be written nor made.
     """
     if path.exists() and not force:
         raise InputError(str(path), "exists already", "give another path, or --force to replace it")
+    there = next(parent for parent in path.absolute().parents if parent.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        what = "cannot be written to" if there.is_dir() else "is not a folder"
+        raise InputError(str(there), what, "give a folder that you may write to")
 
 
 def require_writable(where: str, folder: Path) -> None:

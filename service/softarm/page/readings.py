@@ -119,7 +119,7 @@ def _pose(pose: SectionPose | None) -> str:
         return "<td></td><td></td>"
     _, x, y, _ = pose.quaternion_wxyz
     tilt = np.degrees(np.arccos(np.clip(1.0 - 2.0 * (x * x + y * y), -1.0, 1.0)))
-    place = ", ".join(f"{1e3 * coordinate:.0f}" for coordinate in pose.position_m)
+    place = ", ".join(f"{1e3 * coordinate:z.0f}" for coordinate in pose.position_m)
     return f"<td>{place}</td><td>{tilt:.1f}°</td>"
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from softarm.common.files import refuse_existing, whole_files
+from softarm.common.files import require_free, whole_files
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
@@ -75,7 +75,7 @@ def save_recording(
         path = path / f"{STEM}.csv"
     if path.suffix not in WRITTEN:
         raise InputError(str(path), f"{path.suffix} is not written", f"end the path in {', '.join(WRITTEN)}")
-    refuse_existing(path, force=force)
+    require_free(path, force=force)
     if path.suffix == ".mcap":
         with whole_files(path) as (draft,), draft.open("wb") as file:
             write_recording(recording, file, attachments)

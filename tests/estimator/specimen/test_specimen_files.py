@@ -84,12 +84,17 @@ def test_mesh_path_follows_the_file(tmp_path: Path) -> None:
 
 
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="cannot write"):
-        save_specimen(load_specimen("beam"), tmp_path / "absent" / "arm.toml")
+    (tmp_path / "file").touch()
     (tmp_path / "folder").mkdir()
-    with pytest.raises(InputError, match="cannot write"):
-        save_specimen(load_specimen("beam"), tmp_path / "folder")
-    assert [entry.name for entry in tmp_path.iterdir()] == ["folder"]
+    for place in (tmp_path / "file" / "arm.toml", tmp_path / "folder"):
+        with pytest.raises(InputError, match="cannot write"):
+            save_specimen(load_specimen("beam"), place)
+    assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file", "folder"]
+
+
+def test_missing_folders_are_made(tmp_path: Path) -> None:
+    save_specimen(load_specimen("beam"), tmp_path / "absent" / "arm.toml")
+    assert load_specimen(tmp_path / "absent" / "arm.toml").name == "beam"
 
 
 @pytest.mark.parametrize(

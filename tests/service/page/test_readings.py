@@ -130,6 +130,11 @@ def test_forces_are_newtons_with_their_deviation_poses_millimetres_and_degrees()
     assert "Contact 182 ± 6 mm from the base" in shown
 
 
+def test_a_section_that_has_not_moved_is_at_zero_without_a_sign():
+    still = TIP.model_copy(update={"position_m": (1e-6, -1e-6, 0.27)})
+    assert "<td>0, 0, 270</td>" in readings.forces((), (still,), "")
+
+
 def test_bars_end_at_the_limit_of_the_chamber_and_a_lost_pressure_is_named():
     kinds = {"set-point": (20e3, 0.0), "applied": (10e3, 0.0), "measured": (5e3, None)}
     shown = readings.pressures(kinds, (40e3, 40e3))

@@ -62,7 +62,7 @@ def save_specimen(specimen: Specimen, path: str | Path) -> None:
 
     Args:
         specimen: What to write.
-        path: File to write or to replace.
+        path: File to write or to replace; missing folders are made.
 
     Raises:
         InputError: The folder cannot be written to.
@@ -70,6 +70,7 @@ def save_specimen(specimen: Specimen, path: str | Path) -> None:
     target = Path(path)
     text = tomli_w.dumps(specimen_table(specimen, target.resolve().parent))
     try:
+        target.parent.mkdir(parents=True, exist_ok=True)
         descriptor, partial = tempfile.mkstemp(dir=target.parent, prefix=f".{target.name}.", suffix=".part")
     except OSError as error:
         raise InputError(str(target), f"cannot write: {error.strerror}", "choose a writable folder") from None
