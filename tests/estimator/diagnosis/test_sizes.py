@@ -116,6 +116,21 @@ def test_the_truth_lies_within_two_deviations_of_a_size_though_the_model_errs(se
     assert found.gain == 50.0
 
 
+@pytest.mark.parametrize(("answer", "size"), [(0.8, MASS / 0.8), (0.0, MASS)])
+def test_the_model_itself_tells_sizes_unless_it_explains_much_less(search, monkeypatch, answer, size):
+    """To first order and on the model itself the arm fits as well, with another size."""
+    monkeypatch.setattr(search, "solvable", lambda _, **__: True)
+    plain = Weighed.change
+
+    def change(stage, placed, *, exact=False):
+        return plain(stage, placed) * (answer if exact else 1.0)
+
+    monkeypatch.setattr(Weighed, "change", change)
+    found = sized(search, fitted())
+    assert found.exact is (answer > 0.0)
+    assert float(found.thetas[0][0]) == pytest.approx(size, rel=0.2)
+
+
 def test_without_nominal_recordings_the_sizes_stay(search):
     search.evidence.stages[0].session.nominal = False
     fit = fitted()

@@ -5,7 +5,9 @@ between an effect and these: right for telling effects apart, wrong for their si
 shape of a change with errors, as it predicts motion, and an error in the regressor pulls an estimate towards
 zero, the more so the more of what it shares with others is taken out (Griliches and Hausman, J. Econometrics
 31 (1986) 93). Sizes are therefore those of ordinary least squares, with the common coefficients at what
-nominal recordings teach and weights that do not depend on the residual.
+nominal recordings teach and weights that do not depend on the residual, and on the model itself: what a
+strong effect does to an arm that has moved, its linearisation gets wrong by a fixed share, and may by chance
+fit as well.
 
 Their covariance is that of this estimator and not that of its weights (Huber 1967; White, Econometrica 48
 (1980) 817): with X the changes by each parameter, C the common columns and P the covariance of their
@@ -36,6 +38,7 @@ from softarm.estimator.diagnosis.fit import (
     whitened,
 )
 from softarm.estimator.diagnosis.gaussian import Gaussian
+from softarm.estimator.diagnosis.judge import MATERIAL
 from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.specimen.physics import EffectName
 
@@ -80,7 +83,7 @@ def sized(search: Search, fit: Fit) -> Fit:
     found = fit_effects(problem, fit.hypotheses, fit.thetas)
     if search.solvable(fit, answering=True):
         again = fit_effects(problem, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
-        found = max(found, again, key=lambda one: one.gain)
+        found = again if again.gain > (1.0 - MATERIAL) * found.gain else found
     parametrisation = Parametrisation.of(found.hypotheses)
     values = parametrisation.units(np.concatenate(found.thetas))
     slopes = slopes_of(problem, found.hypotheses, [], parametrisation, values, exact=found.exact)
