@@ -11,13 +11,17 @@ LAGS = np.arange(-8.0, 8.01, 0.05)
 SAMPLES = 25.0
 
 
-def strayed(at_rest: float, elsewhere: float):
-    """Judge a sensor of which a shift of 4.5 s leaves another share than no shift."""
+def shares(at_rest: float, elsewhere: float) -> np.ndarray:
     left = np.full(len(LAGS), 0.8)
     left[np.abs(LAGS) < 0.2] = at_rest
     left[np.abs(LAGS - 4.5) < 0.2] = elsewhere
-    one = likelihoods(left, SAMPLES)
-    return _strayed(Shifts(("frame_tip",), LAGS, one[None], one[None], SAMPLES), one, one)
+    return likelihoods(left, SAMPLES)
+
+
+def strayed(at_rest: float, elsewhere: float, fitted: tuple[float, float] | None = None):
+    """Judge a sensor of which a shift of 4.5 s leaves another share than no shift."""
+    one, fit = shares(at_rest, elsewhere), shares(*(fitted or (at_rest, elsewhere)))
+    return _strayed(Shifts(("frame_tip",), LAGS, one[None], fit[None], SAMPLES), one, fit)
 
 
 @pytest.mark.parametrize(("at_rest", "elsewhere"), [(0.033, 0.018), (0.015, 0.010), (0.1, 0.09)])
@@ -28,6 +32,11 @@ def test_a_motion_that_no_shift_explains_already_is_not_moved(at_rest, elsewhere
 def test_a_motion_that_only_a_shift_explains_is_moved():
     lag, *_ = strayed(0.5, 0.05)
     assert lag == pytest.approx(4.5, abs=0.2)
+
+
+@pytest.mark.parametrize(("fitted", "moved"), [((0.02, 0.04), False), ((0.04, 0.02), True)])
+def test_a_shift_that_predicts_poses_by_chance_does_not_fit_them(fitted, moved):
+    assert (strayed(0.64, 0.2, fitted) is not None) is moved
 
 
 @pytest.mark.parametrize("seed", range(16, 22))

@@ -107,6 +107,9 @@ def _shared(shifts: Shifts, lag: float) -> bool:
 def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> tuple[float, float, float, float] | None:
     """Find a shift that clearly beats every usual one; prediction chooses it, the fit places it.
 
+    In few poses a wrong shift may predict some from the others by chance, but the right one fits as well as
+    any.
+
     Returns:
         Its lag [s] and log odds, the next best lag [s] and the log odds against that; ``None`` without one.
     """
@@ -115,9 +118,11 @@ def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> tuple[float,
     gain = float(likelihood[best]) - usual
     if shifts.usual[best] or gain < np.log(UNAMBIGUOUS) or gain < -0.5 * shifts.samples * np.log(BETTER):
         return None
+    near = np.abs(shifts.lags - shifts.lags[best]) < 2 * SPREAD
+    if fitted[near].max() < fitted[shifts.usual].max():
+        return None
     away = np.abs(shifts.lags - shifts.lags[best]) > APART
     other = int(np.flatnonzero(away)[np.argmax(likelihood[away])])
-    near = np.abs(shifts.lags - shifts.lags[best]) < 2 * SPREAD
     return (
         float(shifts.lags[np.flatnonzero(near)[np.argmax(fitted[near])]]),
         gain,
