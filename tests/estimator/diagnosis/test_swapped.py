@@ -53,6 +53,17 @@ def test_pressures_that_follow_each_others_set_points_are_refused(columns: dict[
         _check(_exchange(columns, "pressure_1", "pressure_4"))
 
 
+def test_pressures_are_told_apart_though_the_set_points_are_correlated(
+    columns: dict[str, np.ndarray],
+) -> None:
+    """A controller that drives two chambers together: either pressure follows either set-point somewhat."""
+    both = columns["pressure_cmd_1_pa"] + 0.5 * columns["pressure_cmd_4_pa"]
+    together = columns | {"pressure_cmd_4_pa": both, "pressure_4_pa": both}
+    _check(together)
+    with pytest.raises(InputError, match="pressure_1_pa and pressure_4_pa look exchanged"):
+        _check(_exchange(together, "pressure_1", "pressure_4"))
+
+
 def test_chambers_that_move_alike_are_not_called_exchanged(columns: dict[str, np.ndarray]) -> None:
     alike = {
         name: columns[name[:-4] + "0_pa"] if name.startswith("pressure") else v for name, v in columns.items()

@@ -24,6 +24,14 @@ MENDED = {
         arm.both(arm.scaled("pressure_", "_pa", 1e-3), arm.scaled("pressure_cmd_", "_pa", 1e3)),
         "the measured pressures reach .* in kilopascals",
     ),
+    "one chamber in kilopascals": (
+        arm.both(arm.scaled("pressure_1", "_pa", 1e-3), arm.scaled("pressure_cmd_1", "_pa", 1e-3)),
+        "pressure_1_pa reaches .* less than other chambers; taken for kilopascals",
+    ),
+    "one measured pressure in bars": (
+        arm.scaled("pressure_4", "_pa", 1e-5),
+        "pressure_4_pa reaches .* less than other chambers; taken for bars",
+    ),
     "absolute": (
         arm.both(
             arm.scaled("pressure_", "_pa", 1.0, 101325.0), arm.scaled("pressure_cmd_", "_pa", 1.0, -101325.0)
@@ -75,6 +83,7 @@ PAIRS = (
     ("absolute", "early"),
     ("markers", "millimetres"),
     ("degrees", "one late"),
+    ("one measured pressure in bars", "late"),
 )
 
 

@@ -16,12 +16,13 @@ CLEARLY = 0.35
 WRONG = 0.1
 """Root mean square of the mismatch [rad] below which nothing is exchanged."""
 SIZES = {"m": 0.1, "rad": 1.0}
-FOLLOWS, STRAYS = 0.9, 0.6
-"""Correlation from which a pressure follows a set-point, and below which it does not."""
+FOLLOWS = 0.9
+"""Correlation from which a pressure follows a set-point."""
 MOVED = 500.0
 """Spread of a pressure [Pa] from which it counts as moved."""
 OTHER = 0.25
-"""What another segment's chambers leave of a bend over what its own leave, below which it is the other's."""
+"""What another segment's chambers leave of a bend over what its own leave, below which it is the other's; the
+same of a pressure and set-points."""
 
 
 def refuse_swapped_channels(recording: Recording, specimen: Specimen) -> None:
@@ -52,9 +53,10 @@ def _swapped_pressures(recording: Recording) -> str:
     if observed.sum() < 10 * len(names):
         return ""
     follows = _correlation(given[observed], asked[observed])
+    left = 1.0 - follows**2
     for a, b in combinations(range(len(names)), 2):
-        straight, crossed = (follows[a, a], follows[b, b]), (follows[a, b], follows[b, a])
-        if max(straight) < STRAYS and min(crossed) > FOLLOWS:
+        crossed = min(follows[a, b], follows[b, a]) > FOLLOWS
+        if crossed and left[a, b] < OTHER * left[a, a] and left[b, a] < OTHER * left[b, b]:
             return f"pressure_{names[a]}_pa and pressure_{names[b]}_pa"
     return ""
 

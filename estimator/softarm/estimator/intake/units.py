@@ -59,6 +59,12 @@ SAME_AIR = 2e3
 """Vented chambers read the same air within this [Pa]."""
 FOLLOWS = 0.15
 SIZE_SPREAD = 0.25
+STRAYED = 30.0
+"""Times by which a chamber's pressures change less than those of the others, as in another unit."""
+MISSED = 0.7
+"""Share of what the other chambers leave of the bends that such a chamber, if it acts, leaves at most."""
+FOLLOWED = 0.9
+"""Correlation from which a measured pressure and its set-point are of one chamber."""
 
 
 @dataclass(frozen=True)
@@ -91,8 +97,9 @@ def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
         The recording, mended where one explanation wins, and what was found.
     """
     mended, lengths = _lengths(recording, specimen)
+    mended, strays = _single_chambers(mended, specimen)
     mended, found = _pressures_and_bends(mended, specimen)
-    return mended, (*lengths, *found)
+    return mended, (*lengths, *strays, *found)
 
 
 def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
@@ -132,6 +139,58 @@ def _pressures_and_bends(
     airs = " and ".join(f"{air:.0f}" for air in known.values())
     done = f"counted as {airs} Pa above vacuum at rest and converted" if known else "converted for this run"
     return mended, (RecordingFault(recording.name, kind, columns, "; ".join(words), done, True, choice.odds),)
+
+
+def _single_chambers(
+    recording: Recording, specimen: Specimen
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Bring chambers to the unit of the others that change far less than these and act all the same."""
+    columns, found = dict(recording.columns), []
+    for kind in ("measured", "commanded"):
+        spans = {name: _span(recording.columns[name]) for name in pressure_columns(recording, kind)}
+        usual = float(np.median([span for span in spans.values() if span > 0.0] or [0.0]))
+        for name, span in spans.items():
+            if not 0.0 < span < usual / STRAYED or not _acts(recording, specimen, name, usual):
+                continue
+            unit = min(PRESSURES, key=lambda one: abs(np.log(PRESSURES[one][0] * span / usual)))
+            columns[name] = recording.columns[name] * PRESSURES[unit][0]
+            top = float(np.nanmax(recording.columns[name]))
+            what = f"{name} reaches {top:.4g} and changes {usual / span:.0f} times less than other chambers"
+            cure = f"taken for {unit} beside pascals and converted for this run"
+            found.append(RecordingFault(recording.name, "unit", (name,), what, cure))
+    return replace(recording, columns=columns), tuple(found)
+
+
+def _span(column: Floats) -> float:
+    """Return by how much a pressure changes; zero where it is noise, or was never read."""
+    read = column[np.isfinite(column)]
+    if len(read) < 3:
+        return 0.0
+    within = np.percentile(read, [1.0, 99.5])
+    return 0.0 if _white(read, within) else float(np.ptp(within))
+
+
+def _acts(recording: Recording, specimen: Specimen, name: str, usual: float) -> bool:
+    """Return whether a pressure that hardly changes acts: as its other column does, or on the bends."""
+    other = name.replace("pressure_", "pressure_cmd_") if "cmd" not in name else name.replace("cmd_", "")
+    own, partner = recording.columns[name], recording.columns.get(other)
+    if partner is not None and _span(partner) > usual / STRAYED:
+        seen = np.isfinite(own) & np.isfinite(partner)
+        if seen.sum() > 2 and float(np.corrcoef(own[seen], partner[seen])[0, 1]) > FOLLOWED:
+            return True
+    bends = _bends_or_places(recording, specimen)
+    if bends is None:
+        return False
+    rest = [recording.pressure(k)[0] for k in recording.chambers if f"_{k}_pa" not in name]
+    p = np.column_stack([np.ones(len(own)), *rest, own])
+    seen = np.isfinite(p).all(axis=1) & np.isfinite(bends).all(axis=1)
+    if seen.sum() < 20:
+        return False
+    p, y = p[seen] / np.maximum(np.abs(p[seen]).max(axis=0), 1e-12), bends[seen]
+    without, beside = (
+        float(((y - x @ np.linalg.lstsq(x, y, rcond=None)[0]) ** 2).sum()) for x in (p[:, :-1], p)
+    )
+    return beside < MISSED * without
 
 
 def _declared_pascals(recording: Recording) -> bool:
