@@ -15,7 +15,11 @@ LOADED = np.linalg, scipy.linalg
 """Only libraries that are loaded can be limited."""
 
 SERVICE = Path(__file__).parent / "service"
-REALTIME = SERVICE / "live", SERVICE / "bench" / "test_soak.py"
+REALTIME = (
+    SERVICE / "live",
+    SERVICE / "bench" / "test_soak.py",
+    SERVICE.parent / "cli" / "test_tutorial_live.py",
+)
 COLLECTED = {*REALTIME, SERVICE / "page"}
 """All that `./run test` collects for tests in real time: other imports take long."""
 

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -47,7 +48,7 @@ def record(folder: Path, name: str, trips: int) -> None:
     assert made.exit_code == 0, made.output
 
 
-def printed(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, object]:
+def printed(capsys: pytest.CaptureFixture[str], *words: str) -> dict[str, Any]:
     capsys.readouterr()
     assert run([*words, "--json"]) == 0
     document = json.loads(capsys.readouterr().out)
@@ -60,7 +61,9 @@ def test_the_estimate_follows_the_fake_of_an_own_arm(
 ) -> None:
     record(folder, "short", trips=2)
     words = ("--specimen", "arm.toml", "--rate", "0.5", "--out", "estimate.csv")
-    printed(capsys, "estimate", "short", *words)
+    *_, residuals = printed(capsys, "estimate", "short", *words)["tables"]
+    units = [(row["sensor"], row["unit"]) for row in residuals["rows"]]
+    assert units == [("bend_tip", "degrees"), ("frame_tip", "mm"), ("frame_tip", "degrees")]
     estimates = pl.read_csv(folder / "estimate.csv")
     assert len(estimates) >= 3
     assert estimates["estimate_force_tip_x_n"].null_count() == 0

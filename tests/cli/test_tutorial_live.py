@@ -7,28 +7,30 @@ import socket
 import subprocess
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
 import pytest
 
 from softarm_client import Arm
+from tests.cli.tutorial import ROOT, Step, steps
 
-pytestmark = [pytest.mark.slow, pytest.mark.realtime, pytest.mark.timeout(500)]
+pytestmark = pytest.mark.timeout(500)
 
-ROOT = Path(__file__).parents[2]
-TUTORIAL = (ROOT / "docs" / "tutorial.md").read_text("utf-8")
-LIVE = TUTORIAL[: TUTORIAL.index("## Part 2")]
-STEPS = re.findall(r"^```\n\$ (.+)\n((?:.*\n)*?)```$", LIVE, re.MULTILINE)
+DEMO, TEACH, RECORD = steps(1)
+DESCRIBE, *OTHERS = steps(3)
+FAKES, DOCTOR, SERVE, STATUS, *_, FORCE, SAVE, GOTO, _ = OTHERS
 PORTS = (7447, 8080)
 """Of the service and of the operator page, by default."""
 POSES = 3
 PATIENCE_S = 60.0
+TRIES = 100
 
 
-def as_here(command: str) -> list[str]:
+def as_here(step: Step) -> list[str]:
     """Run a command of the tutorial in this environment: ``./run`` sets one up first."""
-    first, *rest = command.split()
+    first, *rest = step.command.split()
     return [sys.executable, "-m", "softarm", *rest] if first == "./run" else [sys.executable, *rest]
 
 
@@ -46,16 +48,30 @@ def wait_for(line: str, stream: IO[str]) -> None:
     pytest.fail(f"the tutorial shows {line!r}, which was not printed:\n{''.join(printed[-10:])}")
 
 
-@pytest.fixture(scope="module")
-def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, "subprocess.Popen[str]"]]:
-    """The first step: the demo, running in a folder of its own, once it has printed all that is shown."""
-    if any(map(taken, PORTS)):
-        pytest.skip(f"a program listens on port {' or '.join(map(str, PORTS))} already")
-    folder = tmp_path_factory.mktemp("tutorial")
-    (folder / "examples").symlink_to(ROOT / "examples")
-    command, shown = STEPS[0]
+def shows(step: Step, printed: str) -> bool:
+    """Tell whether a command printed every line that is shown; ``...`` within a line stands for anything."""
+    pieces = [piece for line in step.printed for piece in line.split("...")]
+    return all(piece.strip() in printed for piece in pieces)
+
+
+def done(step: Step, folder: Path, typed: str = "") -> "subprocess.CompletedProcess[str]":
+    """Run a command to its end."""
+    return subprocess.run(
+        as_here(step),
+        cwd=folder,
+        text=True,
+        input=typed,
+        capture_output=True,
+        timeout=PATIENCE_S,
+        check=False,
+    )
+
+
+@contextmanager
+def running(step: Step, folder: Path) -> Iterator["subprocess.Popen[str]"]:
+    """Run a command until it has printed what is shown, and beyond; it ends with the block."""
     process = subprocess.Popen(
-        as_here(command),
+        as_here(step),
         cwd=folder,
         text=True,
         stdout=subprocess.PIPE,
@@ -64,26 +80,42 @@ def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, "subp
     )
     assert process.stdout is not None
     try:
-        for line in shown.splitlines():
-            if line != "...":
-                wait_for(line, process.stdout)
-        yield folder, process
+        for line in step.printed:
+            wait_for(line, process.stdout)
+        yield process
     finally:
         process.kill()
         process.communicate()
 
 
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    if any(map(taken, PORTS)):
+        pytest.skip(f"a program listens on port {' or '.join(map(str, PORTS))} already")
+    folder = tmp_path_factory.mktemp("tutorial")
+    (folder / "examples").symlink_to(ROOT / "examples")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def demo(folder: Path) -> Iterator["subprocess.Popen[str]"]:
+    """The first step: the demo, running in a folder of its own, once it has printed all that is shown."""
+    with running(DEMO, folder) as process:
+        yield process
+
+
 def test_the_tutorial_has_live_steps() -> None:
-    assert [command.split()[-1] for command, _ in STEPS] == ["demo", "sopra", "first"]
+    assert [step.command.split()[-1] for step in (DEMO, TEACH, RECORD)] == ["demo", "sopra", "first"]
+    names = [step.name for step in (DESCRIBE, FAKES, DOCTOR, SERVE, STATUS, FORCE, SAVE, GOTO)]
+    assert names == ["specimen", "fakes", "doctor", "serve", "status", "print_force.py", "teach", "teach"]
 
 
-def test_poses_are_taught_and_replayed(demo: tuple[Path, "subprocess.Popen[str]"]) -> None:
-    folder, _ = demo
-    command, shown = STEPS[1]
+def test_poses_are_taught_and_replayed(folder: Path, demo: "subprocess.Popen[str]") -> None:
+    assert demo.poll() is None
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE}
     with (
         Arm("sopra", name="watcher") as watcher,
-        subprocess.Popen(as_here(command), cwd=folder, text=True, **pipes) as teaching,
+        subprocess.Popen(as_here(TEACH), cwd=folder, text=True, **pipes) as teaching,
     ):
         assert teaching.stdin is not None
         for _ in range(POSES):
@@ -94,26 +126,42 @@ def test_poses_are_taught_and_replayed(demo: tuple[Path, "subprocess.Popen[str]"
             print(file=teaching.stdin, flush=True)
         out, _ = teaching.communicate("\n" * POSES, timeout=PATIENCE_S)
     assert teaching.returncode == 0
-    assert [line for line in shown.splitlines() if line != "..." and line not in out] == []
+    assert shows(TEACH, out)
 
 
 def test_a_recording_is_written_below_the_folder_of_the_demo(
-    demo: tuple[Path, "subprocess.Popen[str]"],
+    folder: Path, demo: "subprocess.Popen[str]"
 ) -> None:
-    folder, _ = demo
-    command, shown = STEPS[2]
-    done = subprocess.run(
-        as_here(command), cwd=folder, text=True, capture_output=True, timeout=PATIENCE_S, check=True
-    )
-    assert shown.strip() == "recording to ..."
-    path = re.search(r"^recording to (.+)$", done.stderr, re.MULTILINE)
+    assert demo.poll() is None
+    recorded = done(RECORD, folder)
+    assert RECORD.shown == ("recording to ...",)
+    path = re.search(r"^recording to (.+)$", recorded.stderr, re.MULTILINE)
     assert path is not None
     assert (folder / path[1]).is_file()
     assert (folder / "out" / "demo").resolve() in (folder / path[1]).resolve().parents
 
 
-def test_ctrl_c_ends_the_demo(demo: tuple[Path, "subprocess.Popen[str]"]) -> None:
-    _, process = demo
-    process.send_signal(signal.SIGINT)
-    process.communicate(timeout=PATIENCE_S)
-    assert process.returncode == 0
+def test_ctrl_c_ends_the_demo(demo: "subprocess.Popen[str]") -> None:
+    demo.send_signal(signal.SIGINT)
+    demo.communicate(timeout=PATIENCE_S)
+    assert demo.returncode == 0
+
+
+def test_an_own_arm_is_served_watched_and_taught(folder: Path) -> None:
+    assert not any(map(taken, PORTS)), "the demo has ended"
+    assert done(DESCRIBE, folder, DESCRIBE.answers).returncode == 0
+    with running(FAKES, folder) as fakes:
+        checked = done(DOCTOR, folder)
+        assert (checked.returncode, shows(DOCTOR, checked.stdout)) == (0, True)
+        with running(SERVE, folder) as service:
+            assert any(shows(STATUS, done(STATUS, folder).stdout) for _ in range(TRIES))
+            with running(FORCE, folder) as force:
+                assert force.stdout is not None
+                assert force.stdout.readline().startswith("tip ")
+            for step, typed in ((SAVE, "\n\n"), (GOTO, "")):
+                taught = done(step, folder, typed)
+                assert (taught.returncode, shows(step, taught.stdout + taught.stderr)) == (0, True)
+            for process in (service, fakes):
+                process.send_signal(signal.SIGINT)
+                process.communicate(timeout=PATIENCE_S)
+                assert process.returncode == 0

@@ -3,14 +3,14 @@
 import json
 import os
 from collections.abc import Callable, Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import as_completed
 from dataclasses import asdict
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
 
 from softarm.common.files import write_whole
+from softarm.common.processes import processes
 from softarm.common.tables import Table
 from softarm.experiments.figures import Cells
 from softarm.experiments.seed import FAILED, HANDS, IN_REACH, SeedPlan, SeedResult, run_seed
@@ -84,7 +84,7 @@ def run_campaign(plans: Sequence[SeedPlan], jobs: int, advance: Callable[[], Non
             advance()
         return tuple(results)
     done: dict[int, SeedResult] = {}
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as pool:
+    with processes(jobs) as pool:
         waiting = {pool.submit(run_seed, plan): plan.number for plan in plans}
         for future in as_completed(waiting):
             done[waiting[future]] = future.result()

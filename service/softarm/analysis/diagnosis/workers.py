@@ -1,11 +1,11 @@
 """Who does the independent work of a diagnosis: this process, others, or a Dask cluster."""
 
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
-from multiprocessing import get_context
 from typing import Any
 
+from softarm.common.processes import processes
 from softarm.estimator.errors import InputError
 
 
@@ -41,7 +41,7 @@ def workers(jobs: int, dask: str | None = None, patience: float = 10.0) -> Itera
     if jobs == 1:
         yield Inline()
         return
-    with ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as executor:
+    with processes(jobs) as executor:
         yield executor
 
 

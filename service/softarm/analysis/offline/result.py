@@ -1,6 +1,7 @@
 """Estimates over time as a recording and as tables."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from softarm.estimator.rotations import to_quaternions
 
 Cells = dict[str, str | int | float | bool | None]
 AXES = "xyz"
+SHOWN = {"m": (1e3, "mm"), "rad": (float(np.degrees(1.0)), "degrees")}
+"""Factor and unit in which people read what is in SI units."""
 
 
 def as_recording(track: Track[State], source: Recording, info: Mapping[str, Any]) -> Recording:
@@ -58,20 +61,46 @@ def force_rows(track: Track[State]) -> list[Cells]:
     return rows
 
 
+@dataclass(frozen=True)
+class Residuals:
+    """What the readings of a sensor in one unit keep over the estimate.
+
+    Args:
+        sensor: Name of the sensor.
+        unit: ``mm`` or ``degrees``.
+        values: Measured minus estimated, shape (samples, components).
+        noise: Standard deviation of each component, shape (components,).
+    """
+
+    sensor: str
+    unit: str
+    values: Floats
+    noise: Floats
+
+
+def residuals_by_unit(track: Track[State]) -> Iterator[Residuals]:
+    """Yield the residuals of each sensor, lengths apart from angles."""
+    for measurement in track.run.suite.measurements:
+        columns = track.run.suite.slices[measurement.name]
+        for unit in dict.fromkeys(measurement.units):
+            alike = np.array([one == unit for one in measurement.units])
+            scale, shown = SHOWN[unit]
+            values, noise = track.residuals[:, columns][:, alike], track.run.suite.noise[columns][alike]
+            yield Residuals(measurement.name, shown, scale * values, scale * noise)
+
+
 def sensor_rows(track: Track[State]) -> list[Cells]:
     """Summarise what each sensor's readings keep over the estimate, beside the sensor's noise."""
     rows: list[Cells] = []
-    for measurement in track.run.suite.measurements:
-        residuals = track.residuals[:, track.run.suite.slices[measurement.name]]
-        noise = track.run.suite.noise[track.run.suite.slices[measurement.name]]
-        seen = np.isfinite(residuals).all(axis=1)
+    for left in residuals_by_unit(track):
+        seen = np.isfinite(left.values).all(axis=1)
         rows.append(
             {
-                "sensor": measurement.name,
+                "sensor": left.sensor,
                 "samples": int(seen.sum()),
-                "residual_rms": float(np.sqrt((residuals[seen] ** 2).mean())) if seen.any() else None,
-                "noise": float(np.sqrt((noise**2).mean())),
-                "unit": ", ".join(dict.fromkeys(measurement.units)),
+                "residual_rms": float(np.sqrt((left.values[seen] ** 2).mean())) if seen.any() else None,
+                "noise": float(np.sqrt((left.noise**2).mean())),
+                "unit": left.unit,
             }
         )
     return rows

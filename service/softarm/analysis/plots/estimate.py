@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
+from softarm.analysis.offline.result import residuals_by_unit
 from softarm.analysis.offline.track import State, Track
 from softarm.analysis.plots.arm import draw_arms
 from softarm.analysis.plots.figures import label, save, stacked
@@ -87,18 +88,14 @@ def draw_sections(track: Track[State], title: str) -> Figure:
 
 def draw_residuals(track: Track[State], title: str) -> Figure:
     """Draw what each sensor's readings keep over the estimate, with its noise as a band."""
-    measurements = track.run.suite.measurements
-    figure, all_axes = stacked(len(measurements))
-    for axes, measurement in zip(all_axes, measurements, strict=True):
-        kinds = ", ".join(dict.fromkeys(measurement.units))
-        scale, unit = {"m": (MILLI, "mm"), "rad": (180 / np.pi, "degrees")}.get(kinds, (1.0, kinds))
-        own = track.run.suite.slices[measurement.name]
-        noise = track.run.suite.noise[own]
-        axes.axhspan(-2 * noise.max() * scale, 2 * noise.max() * scale, alpha=0.15, linewidth=0)
-        rows = track.residuals[:, own]
-        for number, column in enumerate(rows.T):
-            axes.plot(track.run.time, column * scale, linewidth=0.7, label=str(number))
-        label(axes, f"{measurement.name}: measured minus estimated, band: twice the noise", unit)
+    parts = tuple(residuals_by_unit(track))
+    figure, all_axes = stacked(len(parts))
+    for axes, left in zip(all_axes, parts, strict=True):
+        band = 2 * left.noise.max()
+        axes.axhspan(-band, band, alpha=0.15, linewidth=0)
+        for number, column in enumerate(left.values.T):
+            axes.plot(track.run.time, column, linewidth=0.7, label=str(number))
+        label(axes, f"{left.sensor}: measured minus estimated, band: twice the noise", left.unit)
     all_axes[-1].set_xlabel("time [s]", fontsize=8)
     figure.suptitle(f"{title}: residuals", fontsize=11)
     return figure
