@@ -9,7 +9,7 @@ FIGURES = (
         "safety",
         {
             "cases": ("Faults of every device", {"device": "all"}, "faults"),
-            "wrong": ("Faults of every device", {"device": "all"}, "not_as_stated"),
+            "wrong": ("Faults of every device", {"device": "all"}, "wrong_outcomes"),
             "vents": ("Faults of every device", {"device": "all"}, "vent"),
             "slowest": ("Faults of every device", {"device": "all"}, "slowest_vent_ms"),
         },

@@ -18,7 +18,7 @@ NOTES = (
     "Real fakes, drivers, control loop and estimator in one process and accelerated time, in the modes in "
     "which the chambers hold pressure. Vented: the terminal holds zeros for every valve.",
     f"Aim: within {FAST_S:g} s of the fault; a pressure that is not reached counts after 1.7 s. "
-    "Nothing arms by itself, and every device is well again afterwards.",
+    "No fault arms the arm again, and every device works again afterwards.",
     "A slot of festo_vtem keeps an error until the operator's clear acknowledges it.",
 )
 
@@ -78,7 +78,7 @@ def _row(kind: str, mode: str, cases: Iterable[Case]) -> dict[str, Cell]:
         "vent": len(vents),
         "carry_on": len(listed) - len(vents),
         "slowest_vent_ms": 1e3 * max(fast) if fast else None,
-        "not_as_stated": sum(not case.right for case in listed),
+        "wrong_outcomes": sum(not case.right for case in listed),
     }
 
 

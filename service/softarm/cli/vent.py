@@ -1,4 +1,4 @@
-"""``softarm vent``: zeros to the valves, whatever became of the service."""
+"""``softarm vent``: zeros to the valves, whether or not the service runs."""
 
 import asyncio
 from pathlib import Path
