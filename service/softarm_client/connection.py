@@ -107,22 +107,22 @@ class Connection:
     def _request(self, verb: str, timeout_s: float, fields: dict[str, object]) -> bytes:
         """Write a request; the service would refuse what this does."""
         kind, now_ns = VERBS[verb], time.time_ns()
-        given: dict[str, object] = {
+        common: dict[str, object] = {
             "deadline_unix_ns": now_ns + round(timeout_s * 1e9),
             "sequence": self._sequence,
             "client": self.name,
             "sent_unix_ns": now_ns,
         }
         if verb == "stop":  # nothing here may refuse it either
-            return json.dumps(given | fields, default=str).encode()
+            return json.dumps(common | fields, default=str).encode()
         if self._lease:
-            given["lease"] = self._lease
+            common["lease"] = self._lease
         elif issubclass(kind, MovingRequest) and "lease" not in fields and self._lease_lost:
             hint = "acquire it again with lease/acquire, then arm"
             refusal = Refused(verb=verb, code="no_lease", message=self._lease_lost, hint=hint)
             raise CommandRefusedError(refusal)
         try:
-            return kind.model_validate(given | dict(fields)).model_dump_json().encode()
+            return kind.model_validate(common | dict(fields)).model_dump_json().encode()
         except ValidationError as error:
             raise CommandRefusedError(malformed(verb, error)) from error
 

@@ -54,7 +54,7 @@ class NetworkSettings(BaseModel):
     lease_ms: int = Field(default=LEASE_MS, ge=200, le=60000)
     allow_unauthenticated: bool = False
 
-    def beside(self, folder: Path) -> "NetworkSettings":
+    def relative_to(self, folder: Path) -> "NetworkSettings":
         """Return a copy whose relative path of ``zenoh_config`` starts at a folder."""
         path = None if self.zenoh_config is None else folder / self.zenoh_config
         return self.model_copy(update={"zenoh_config": path})

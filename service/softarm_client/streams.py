@@ -59,19 +59,19 @@ class Stream(Generic[Kind]):
         Raises:
             TimeoutError: None came in time.
         """
-        found: list[Kind] = []
+        matching: list[Kind] = []
         done = threading.Event()
 
         def check(message: Kind) -> None:
             if not done.is_set() and accept(message):
-                found.append(message)
+                matching.append(message)
                 done.set()
 
         with self.subscribe(check):
             if not done.wait(timeout_s):
                 key = self._connection.keys.stream(self._name)
                 raise TimeoutError(f"{key}: no such message in {timeout_s:g} s")
-        return found[0]
+        return matching[0]
 
     def newest(self, timeout_s: float = 2.0) -> Kind:
         """Return the newest message.

@@ -81,8 +81,8 @@ def _field_error(place: str, model: type[DriverConfig], entry: Any) -> Configura
     where = f"{place}.{field}" if field else place
     if entry["type"] == "extra_forbidden":
         near = difflib.get_close_matches(field, model.model_fields, n=1)
-        known = f"nearest known is {near[0]!r}" if near else f"known are {', '.join(model.model_fields)}"
-        return ConfigurationError(where, "is not known", f"remove or rename it; {known}")
+        names = f"nearest known is {near[0]!r}" if near else f"known are {', '.join(model.model_fields)}"
+        return ConfigurationError(where, "is not known", f"remove or rename it; {names}")
     if entry["type"] == "missing":
         return ConfigurationError(where, "is missing", "add it")
     message = str(entry["msg"]).removeprefix("Value error, ")
@@ -91,12 +91,12 @@ def _field_error(place: str, model: type[DriverConfig], entry: Any) -> Configura
 
 
 def _doubles(devices: Sequence[DriverConfig], where: str) -> list[ConfigurationError]:
-    seen: set[str] = set()
+    ports: set[str] = set()
     doubles = []
     for device in devices:
-        if device.name in seen:
+        if device.name in ports:
             doubles.append(ConfigurationError(where, f"two devices are named {device.name!r}", "rename one"))
-        seen.add(device.name)
+        ports.add(device.name)
     return doubles
 
 

@@ -104,8 +104,8 @@ class SerialDevice(Device, Generic[FrameT, Value]):
 
     def garbage(self) -> ProtocolError:
         """Report that what comes is no frame of this instrument."""
-        seen = f", but {self._last_fault}" if self._last_fault else ""
-        what = f"no valid frame in {self.codec.counts.since_frame} bytes at {self.serial.baud} baud{seen}"
+        reason = f", but {self._last_fault}" if self._last_fault else ""
+        what = f"no valid frame in {self.codec.counts.since_frame} bytes at {self.serial.baud} baud{reason}"
         return ProtocolError(self.name, what, f"wrong baud rate or wrong protocol; expected {self.expected}")
 
 

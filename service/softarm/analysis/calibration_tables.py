@@ -33,14 +33,14 @@ def drift_table(drifts: Sequence[Drift]) -> Table:
     )
 
 
-def calibration_tables(found: Calibrated) -> tuple[Table, ...]:
+def calibration_tables(outcome: Calibrated) -> tuple[Table, ...]:
     """Arrange a calibration in tables: what was found, how well it predicts, what is missing."""
     missing = tuple(
         f"{entry.unknown.name}: {entry.verdict}; {entry.manoeuvre}"
-        for entry in found.identified
+        for entry in outcome.identified
         if entry.verdict != "determined"
     )
-    lags = ", ".join("unknown" if lag is None else f"{lag * 1e3:.0f} ms" for lag in found.lags)
+    lags = ", ".join("unknown" if lag is None else f"{lag * 1e3:.0f} ms" for lag in outcome.lags)
     unknowns: list[dict[str, str | int | float | bool | None]] = [
         {
             "unknown": entry.unknown.name,
@@ -50,13 +50,13 @@ def calibration_tables(found: Calibrated) -> tuple[Table, ...]:
             "verdict": entry.verdict,
             "std_over_known_before": entry.share,
         }
-        for entry in found.identified
+        for entry in outcome.identified
     ]
     handed = ", ".join(
-        f"{name} {'left' if mirrored else 'right'}" for name, mirrored in found.mirrored.items()
+        f"{name} {'left' if mirrored else 'right'}" for name, mirrored in outcome.mirrored.items()
     )
     notes = (
-        f"{found.fitted} unknowns fitted to {found.nodes} samples; {found.status}; "
+        f"{outcome.fitted} unknowns fitted to {outcome.nodes} samples; {outcome.status}; "
         f"motion lags the pressures by {lags}"
         + (f"; axes of bends: {handed}-handed" if handed else "")
         + ".",
@@ -66,19 +66,19 @@ def calibration_tables(found: Calibrated) -> tuple[Table, ...]:
         Table("Calibration", unknowns, (*notes, *missing)),
         Table(
             "Prediction error, rms",
-            [_error_row(found, name) for name in found.check.training],
+            [_error_row(outcome, name) for name in outcome.check.training],
             (
                 f"Held out: alternate blocks that no fit has seen. Line: ordinary linear regression of the "
-                f"readings on the pressures, {found.check.line_parameters} numbers fitted on the same blocks."
-                if found.check.line
+                f"readings on the pressures, {outcome.check.line_parameters} numbers fitted on these blocks."
+                if outcome.check.line
                 else "Held out: alternate blocks or recordings that no fit has seen.",
             ),
         ),
     )
 
 
-def _error_row(found: Calibrated, name: str) -> dict[str, str | float | None]:
-    check = found.check
+def _error_row(outcome: Calibrated, name: str) -> dict[str, str | float | None]:
+    check = outcome.check
     sensor, _, component = name.rpartition(".")
     scale, unit = (1e3, "mm") if sensor.startswith("marker") else (DEGREES, "degrees")
     if sensor.startswith("frame"):

@@ -39,7 +39,7 @@ class _Steps:
         self._advance = advance
         self._done = 0.0
 
-    def tell(self, what: str) -> None:
+    def advance(self, what: str) -> None:
         """Take note of what is being done, such as ``fitting`` or ``fitting the rod, 3 of 16``."""
         part, _, count = what.partition(", ")
         if part not in SHARES:
@@ -142,7 +142,7 @@ def command(
     if write_specimen is not None:
         require_free(write_specimen, force=force)
     with workers(jobs, dask) as executor, progress("diagnosing", sum(SHARES.values())) as advance:
-        outcome = run(request, executor, _Steps(advance).tell)
+        outcome = run(request, executor, _Steps(advance).advance)
     report = report_of(outcome.diagnosis)
     if out is not None:
         say(f"wrote {write_report(report, out)}")

@@ -202,7 +202,7 @@ def _rooted(config: ServiceConfig, folder: Path) -> ServiceConfig:
         name: state / default if state and name not in configured else folder / getattr(config, name)
         for name, default in UNIT_FOLDERS.items()
     }
-    network = config.network.beside(folder)
+    network = config.network.relative_to(folder)
     if network.zenoh_config is None:
         network = network.model_copy(update={"zenoh_config": zenoh_credential()})
     return config.model_copy(update={**folders, "network": network})

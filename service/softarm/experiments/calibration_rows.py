@@ -20,7 +20,7 @@ Models = Callable[[Specimen], BatchArmModel]
 SAMPLES = 6
 
 
-def unknown_rows(found: Calibrated) -> list[Cells]:
+def unknown_rows(outcome: Calibrated) -> list[Cells]:
     """List every unknown with its deviation, verdict and the manoeuvre that is missing."""
     return [
         {
@@ -32,7 +32,7 @@ def unknown_rows(found: Calibrated) -> list[Cells]:
             "verdict": entry.verdict,
             "manoeuvre": entry.manoeuvre,
         }
-        for entry in found.identified
+        for entry in outcome.identified
     ]
 
 
@@ -47,11 +47,11 @@ def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, models: Mode
     )
     rows: list[Cells] = []
     for name, specimen, alpha in cases:
-        own = models(specimen)
+        model = models(specimen)
         row: Cells = {"calibration": name, "alpha": alpha}
         for what, run in (("random poses", "validation"), ("pulls", "force_still")):
             holds = sampled(runs(run, specimen), SAMPLES, pulled=run == "force_still")
-            last = pose_errors(own, specimen, holds)[-1]
+            last = pose_errors(model, specimen, holds)[-1]
             word = what.replace(" ", "_")
             row[f"{word}_mean_mm"] = float(np.nanmean(last.millimetres))
             row[f"{word}_mean_degrees"] = float(np.nanmean(last.degrees))
@@ -61,7 +61,7 @@ def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, models: Mode
 
 def drift_rows(specimen: Specimen, runs: Runs, models: Models) -> list[Cells]:
     """Check the calibration against later recordings of the same arm."""
-    found = check_drift(models(specimen), specimen, [runs("validation", specimen)], nodes=16)
+    check = check_drift(models(specimen), specimen, [runs("validation", specimen)], nodes=16)
     return [
         {
             "quantity": drift.quantity,
@@ -70,7 +70,7 @@ def drift_rows(specimen: Specimen, runs: Runs, models: Models) -> list[Cells]:
             "ratio": drift.ratio,
             "stale": drift.stale,
         }
-        for drift in found
+        for drift in check
     ]
 
 

@@ -46,14 +46,14 @@ def specimen_of_arm(client: Arm) -> Specimen:
 
 def slew_of(client: Arm) -> float | None:
     """Ask the service for the fastest change of a set-point that its valves allow [Pa/s]."""
-    found = list(_values(json.loads(client.ask("config")), "slew_pa_per_s"))
-    return min(found) if found else None
+    values = list(_values(json.loads(client.ask("config")), "slew_pa_per_s"))
+    return min(values) if values else None
 
 
 def _values(table: object, key: str) -> Sequence[float]:
     if isinstance(table, dict):
-        own = [float(table[key])] if isinstance(table.get(key), int | float) else []
-        return own + [v for part in table.values() for v in _values(part, key)]
+        values = [float(table[key])] if isinstance(table.get(key), int | float) else []
+        return values + [v for part in table.values() for v in _values(part, key)]
     if isinstance(table, list):
         return [v for part in table for v in _values(part, key)]
     return []
@@ -102,8 +102,8 @@ def run_manoeuvre(client: Arm, manoeuvre: Manoeuvre, advance: Callable[[float], 
     _follow(client, vented, lambda _: None)
     begin = time.monotonic()
     with recorded(client, f"excite_{manoeuvre.name}") as paths:
-        gap = _follow(client, manoeuvre, advance)
-    return Recorded(manoeuvre.name, paths[0], time.monotonic() - begin, gap)
+        lag = _follow(client, manoeuvre, advance)
+    return Recorded(manoeuvre.name, paths[0], time.monotonic() - begin, lag)
 
 
 def _follow(client: Arm, manoeuvre: Manoeuvre, advance: Callable[[float], None]) -> float:

@@ -57,10 +57,10 @@ def manoeuvres_of(
     limits = ManoeuvreLimits(np.array(specimen.pressure_limits), slew, share)
     order = [part.name for part in specimen.segments]
     every = menu(tuple(order.index(chamber.segment) for chamber in specimen.chambers), limits)
-    known = {manoeuvre.name: manoeuvre for manoeuvre in every}
+    by_name = {manoeuvre.name: manoeuvre for manoeuvre in every}
     for name in names:
-        if name not in known:
-            raise InputError(f"--manoeuvre {name}", "is unknown", f"choose from: {', '.join(known)}")
+        if name not in by_name:
+            raise InputError(f"--manoeuvre {name}", "is unknown", f"choose from: {', '.join(by_name)}")
     if names:
         return tuple(manoeuvre for manoeuvre in every if manoeuvre.name in names)
     return tuple(manoeuvre for manoeuvre in every if by_hand or not manoeuvre.by_hand)
@@ -143,8 +143,8 @@ def _sensor_names(report: Report) -> tuple[str, ...]:
 def _found(world: World, finding: FindingPart) -> PlacedEffect:
     """Place a finding with its fitted parameters, and typical ones where the report has none."""
     effect = EFFECTS[finding.effect]
-    known = finding.parameters
-    theta = [known[p.name].value if p.name in known else p.typical for p in effect.parameters]
+    parameters = finding.parameters
+    theta = [parameters[p.name].value if p.name in parameters else p.typical for p in effect.parameters]
     return PlacedEffect(effect, Spot(world, finding.where), np.array(theta))
 
 

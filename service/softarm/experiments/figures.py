@@ -17,18 +17,18 @@ def error_figures(errors: Floats, unit: str) -> Cells:
         errors: Sizes of errors, NaN where lost, shape (samples,).
         unit: Suffix of the headings, such as ``mm``.
     """
-    seen = np.abs(errors[np.isfinite(errors)])
-    if not len(seen):
+    sizes = np.abs(errors[np.isfinite(errors)])
+    if not len(sizes):
         return dict.fromkeys((f"{word}_{unit}" for word in ("min", "max", "mean", "std")), None)
     return {
-        f"min_{unit}": float(seen.min()),
-        f"max_{unit}": float(seen.max()),
-        f"mean_{unit}": float(seen.mean()),
-        f"std_{unit}": float(seen.std()),
+        f"min_{unit}": float(sizes.min()),
+        f"max_{unit}": float(sizes.max()),
+        f"mean_{unit}": float(sizes.mean()),
+        f"std_{unit}": float(sizes.std()),
     }
 
 
-def beside(row: Cells, published: Published, unit: str) -> Cells:
+def with_paper(row: Cells, published: Published, unit: str) -> Cells:
     """Add the paper's figures and the aim to a row that holds ``mean_<unit>``."""
     mean = row[f"mean_{unit}"]
     met = isinstance(mean, float) and mean <= published.aim

@@ -70,7 +70,7 @@ def compared(rig: LiveRig) -> dict[str, float]:
     if not loads:
         raise InputError(rig.client.keys.arm, f"publishes no force on {SECTION}", "see its findings")
     pulls = [pull for state in states if (pull := state.gauges_n.get(SECTION)) is not None]
-    cord = rig.hooks[-1].told_m - rig.position(SECTION)
+    cord = rig.hooks[-1].requested_m - rig.position(SECTION)
     unit = cord / np.linalg.norm(cord)
     lateral_part = float(np.linalg.norm(unit[:2]))
     lateral = np.array([unit[0], unit[1], 0.0]) / lateral_part

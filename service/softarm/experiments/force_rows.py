@@ -17,7 +17,7 @@ from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import ModelError, widened
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
-from softarm.experiments.figures import Cells, beside, error_figures, inside, pull_figures
+from softarm.experiments.figures import Cells, error_figures, inside, pull_figures, with_paper
 from softarm.experiments.following import follow
 from softarm.experiments.models import tracking_model, wrench_loads
 from softarm.experiments.paper import Published
@@ -113,11 +113,11 @@ def follow_pull(
     model = tracking_model(
         case.specimen, default_loads(case.specimen, (pull.section,)) if loads is None else loads
     )
-    found = track(model, case.specimen, slow, waypoints=case.waypoints)
+    tracked = track(model, case.specimen, slow, waypoints=case.waypoints)
     tied = pull.tied
     vented = np.nan_to_num(slow.pressures).max(axis=1) < VENTED_PA
-    free = ~tied & vented
-    return PullTrack(case.condition, sensors, pull, found, force_errors(found, pull, free).keep(tied))
+    untied = ~tied & vented
+    return PullTrack(case.condition, sensors, pull, tracked, force_errors(tracked, pull, untied).keep(tied))
 
 
 def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells:
@@ -133,7 +133,7 @@ def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells
     }
     if published is None:
         return row
-    placed = beside(row, published, "n")
+    placed = with_paper(row, published, "n")
     percent = row["mean_percent"]
     aim = 100.0 * published.aim / published.span
     del placed["aim_n"]
@@ -148,15 +148,15 @@ def axial_rows(case: PullCase, *, at_rest: bool = False) -> list[Cells]:
     """Estimate force along the arm's axis and torque about it from poses; the cord gives no torque."""
     slow, pull = case.look("poses", None if at_rest else RATE_HZ)
     model = tracking_model(case.specimen, wrench_loads(case.specimen, pull.section))
-    found = track(model, case.specimen, slow, waypoints=case.waypoints)
+    tracked = track(model, case.specimen, slow, waypoints=case.waypoints)
     tied = pull.tied
-    free = ~tied & (slow.time < _first(slow.time, tied))
-    names = [load.name for load in found.loads]
+    untied = ~tied & (slow.time < _first(slow.time, tied))
+    names = [load.name for load in tracked.loads]
     rows = []
     truths = {"z": pull.force[:, 2], "torque": np.zeros(len(slow.time))}
     for name, truth in truths.items():
         index = names.index(f"{pull.section}_{name}")
-        values = found.forces[:, index] - np.nanmean(found.forces[free, index])
+        values = tracked.forces[:, index] - np.nanmean(tracked.forces[untied, index])
         error = (values - truth)[tied]
         unit = "mn_m" if name == "torque" else "n"
         factor = 1e3 if name == "torque" else 1.0
@@ -168,8 +168,8 @@ def axial_rows(case: PullCase, *, at_rest: bool = False) -> list[Cells]:
                 "unit": "N" if name == "z" else "mN m",
                 "samples": int(tied.sum()),
                 **{key.removesuffix(f"_{unit}"): value for key, value in figures.items()},
-                "std_of_estimate": float(np.nanmedian(factor * found.force_std[tied, index])),
-                "inside_2_std": inside(error, found.force_std[tied, index]),
+                "std_of_estimate": float(np.nanmedian(factor * tracked.force_std[tied, index])),
+                "inside_2_std": inside(error, tracked.force_std[tied, index]),
             }
         )
     return rows
@@ -196,7 +196,7 @@ def location_rows(case: PullCase) -> list[Cells]:
         acting = np.concatenate([estimate.inputs.loads, np.zeros(len(profile.loads))])
         inputs = replace(estimate.inputs, loads=acting)
         index = len(errors)
-        found = profile.place(
+        placed = profile.place(
             stretched(pushed, case.specimen),
             FiniteElementState(estimate.state.displacement, inputs),
             suite,
@@ -204,9 +204,9 @@ def location_rows(case: PullCase) -> list[Cells]:
             estimate,
             np.zeros(len(loads)),
         )
-        assert found is not None  # two poses are twelve measurements
-        errors.append(1e3 * (found.height - truth))
-        deviations.append(1e3 * found.deviation)
+        assert placed is not None  # two poses are twelve measurements
+        errors.append(1e3 * (placed.height - truth))
+        deviations.append(1e3 * placed.deviation)
     return [
         {
             "condition": case.condition,

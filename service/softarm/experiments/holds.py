@@ -24,8 +24,8 @@ def hold_windows(recording: Recording, shortest: float = 2.0, look: float = LOOK
     """
     names = [name for name in recording.columns if name.startswith("pressure_cmd_")]
     table = recording.stack(tuple(names)) if names else np.zeros((len(recording.time), 0))
-    known = np.isfinite(table).all(axis=1)
-    times, commands = recording.time[known], table[known]
+    valid = np.isfinite(table).all(axis=1)
+    times, commands = recording.time[valid], table[valid]
     if len(times) < 2:
         return np.zeros((0, 2))
     moving = np.flatnonzero(np.abs(np.diff(commands, axis=0)).max(axis=1, initial=0.0) > STEADY_PA)

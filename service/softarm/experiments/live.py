@@ -34,12 +34,12 @@ class HookPlace:
 
     Args:
         since_s: Time since the recording began [s].
-        told_m: Where whoever moved it was told to put it, in the base frame [m], NaN while the cord is off.
+        requested_m: Where it was to be moved, in the base frame [m], NaN while the cord is off.
         measured_m: Where it was measured to be in the laboratory [m].
     """
 
     since_s: float
-    told_m: Floats
+    requested_m: Floats
     measured_m: Floats | None = None
 
 
@@ -105,10 +105,10 @@ class LiveRig:
     def wait(self, seconds: float, pressures: Floats | None = None) -> None:
         """Wait, renewing a set-point that would run out."""
         end = time.monotonic() + seconds
-        while (left := end - time.monotonic()) > 0.0:
+        while (remaining := end - time.monotonic()) > 0.0:
             if pressures is not None:
                 self.client.pressures.set(pressures.tolist(), lifetime_s=LIFETIME_S)
-            time.sleep(min(left, 0.5 * LIFETIME_S))
+            time.sleep(min(remaining, 0.5 * LIFETIME_S))
 
     def arm(self) -> None:
         """Arm, the chambers vented."""
@@ -155,7 +155,7 @@ def with_hooks(recording: Recording, hooks: Sequence[HookPlace], section: str) -
         return recording
     to_laboratory = base_to_laboratory(recording)
     times = np.array([hook.since_s for hook in hooks])
-    places = np.array([to_laboratory(h.told_m) if h.measured_m is None else h.measured_m for h in hooks])
+    places = np.array([to_laboratory(h.requested_m) if h.measured_m is None else h.measured_m for h in hooks])
     last = np.searchsorted(times, recording.time, side="right") - 1
     path = np.where(last[:, None] >= 0, places[np.maximum(last, 0)], np.nan)
     columns = {f"marker_hook_{axis}_m": path[:, index] for index, axis in enumerate("xyz")}
@@ -230,9 +230,9 @@ def live_rig(
     else:
         with Arm(arm, endpoint or DEFAULT_ENDPOINT, "experiment", settings.zenoh_config) as client:
             wait_ready(client)
-            known = load_specimen(specimen) if specimen else specimen_of_arm(client)
+            described = load_specimen(specimen) if specimen else specimen_of_arm(client)
             with client.lease():
-                yield LiveRig(client, Person(ask), known)
+                yield LiveRig(client, Person(ask), described)
 
 
 @contextmanager

@@ -29,7 +29,7 @@ def random_levels(rng: np.random.Generator, specimen: Specimen, count: int) -> F
     levels = rng.uniform(0.0, highest_pressures(specimen), (count, len(specimen.chambers)))
     segments = [np.flatnonzero(flags) for flags in _by_segment(specimen) if flags.any()]
     for row in levels:
-        row[[own[rng.integers(len(own))] for own in segments]] = 0.0
+        row[[chambers[rng.integers(len(chambers))] for chambers in segments]] = 0.0
     return levels
 
 

@@ -68,13 +68,13 @@ def run_live_arms(name: str, settings: LiveRigSettings, count: int, talk: Talk) 
     """
     results, tables = list[SeedResult](), list[Table]()
     for number in range(1, count + 1):
-        own = replace(settings, out=settings.out / f"seed{number}", variant=number)
+        arm_settings = replace(settings, out=settings.out / f"seed{number}", variant=number)
         if settings.specimen is None and name != "calibrate":
-            run_live("calibrate", own, number, talk)
-            own = replace(own, specimen=str(own.out / SPECIMEN))
-        found, result = run_live(name, own, number, talk)
+            run_live("calibrate", arm_settings, number, talk)
+            arm_settings = replace(arm_settings, specimen=str(arm_settings.out / SPECIMEN))
+        arm_tables, result = run_live(name, arm_settings, number, talk)
         results.append(result)
-        tables += found
+        tables += arm_tables
     if name == "calibrate":
         return tuple(tables)
     write_json(results, settings.out / f"{name}.json", WAY)
@@ -104,20 +104,20 @@ def run_live(
         if name in PULLED:
             rig.require_gauge()
         done = _RUNS[name](rig, seed)
-        known = rig.specimen
+        specimen = rig.specimen
     kept = [str(save_recording(r, out / "recordings" / r.name, force=True)[0].parent) for r in done]
     talk.tell(f"recorded: {', '.join(kept)}")
     result, plots = SeedResult(seed), out / "plots"
     if name == "calibrate":
-        tables = _calibrated(known, done, out, talk.advance)
+        tables = _calibrated(specimen, done, out, talk.advance)
         result.tables = {table.title: list(map(dict, table.rows)) for table in tables}
         plot_prediction(tables[-1].rows, plots / "calibration.png")
     else:
-        _JUDGES[name](known, done, result)
+        _JUDGES[name](specimen, done, result)
         tables = tuple(_alone(table, seed) for table in tables_of((result,)))
         plot_results((result,), plots)
     write_json((result,), out / f"{name}.json", WAY)
-    notes = (*data_quality_notes_of(known, done), WAY)
+    notes = (*data_quality_notes_of(specimen, done), WAY)
     return (*tables[:-1], replace(tables[-1], notes=(*tables[-1].notes, *notes))), result
 
 
@@ -142,10 +142,10 @@ def _calibrated(
     loads = section_forces(specimen)
     runs = [arrange(recording, specimen, None, loads) for recording in recordings]
     solver = known_force_model(specimen, lambda _: advance())
-    found = calibrate(solver, specimen, runs, Options(nodes=NODES, iterations=8))
+    outcome = calibrate(solver, specimen, runs, Options(nodes=NODES, iterations=8))
     told = f"softarm experiment calibrate, {', '.join(run.name for run in runs)}"
-    save_specimen(calibrated_specimen(specimen, found, told), out / SPECIMEN)
-    return calibration_tables(found)
+    save_specimen(calibrated_specimen(specimen, outcome, told), out / SPECIMEN)
+    return calibration_tables(outcome)
 
 
 def _validated(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:
@@ -171,24 +171,24 @@ def _taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedR
     posed = pose_of(arrange(recording, specimen), "tip")
     looks = np.array(recording.info["looks"]).reshape(2, -1)
     shown, held = (np.array([_pose_before(posed, end) for end in ends]) for ends in looks)
-    seen = np.isfinite(shown).all(axis=1) & np.isfinite(held).all(axis=1)
-    shown, held = shown[seen], held[seen]
+    valid = np.isfinite(shown).all(axis=1) & np.isfinite(held).all(axis=1)
+    shown, held = shown[valid], held[valid]
     millimetres, degrees = misses(shown, held)
-    reachable = np.array(recording.info["reachable"], dtype=bool)[seen]
+    reachable = np.array(recording.info["reachable"], dtype=bool)[valid]
     result.add("teach", miss_rows("held with feedback", millimetres, degrees))
     if reachable.any() and not reachable.all():
         label = "of these, called reachable"
         result.add("teach", miss_rows(label, millimetres[reachable], degrees[reachable]))
     result.series["teach"] = {"mm_0": millimetres.tolist(), "degrees_0": degrees.tolist()}
-    lost = f", {int((~seen).sum())} left out: not seen while shown or held" if not seen.all() else ""
+    lost = f", {int((~valid).sum())} left out: not seen while shown or held" if not valid.all() else ""
     counted = f"{len(held)} poses; the service called {int(reachable.sum())} of them reachable"
     result.notes.append(f"{counted} to within the sensors' noise{lost}.")
 
 
 def _pose_before(run: CalibrationRun, end: float) -> Floats:
     """Return the mean pose of a look that ends then, NaN where nothing was seen, shape (7,)."""
-    seen = means(run, np.array([[end - LOOK_S, end]])).readings
-    return seen[0] if len(seen) else np.full(run.readings.shape[1], np.nan)
+    mean = means(run, np.array([[end - LOOK_S, end]])).readings
+    return mean[0] if len(mean) else np.full(run.readings.shape[1], np.nan)
 
 
 _RUNS: Mapping[str, Callable[[LiveRig, int], tuple[Recording, ...]]] = {

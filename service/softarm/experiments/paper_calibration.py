@@ -115,9 +115,9 @@ def _layout(specimen: Specimen, run: CalibrationRun, model: BatchArmModel, names
     )
 
 
-def _alpha(found: CalibrationFit, scales: dict[str, float]) -> Value:
+def _alpha(fitted: CalibrationFit, scales: dict[str, float]) -> Value:
     factor = float(np.mean(list(scales.values())))
-    return Value(value=factor, std=factor * float(np.sqrt(found.covariance[0, 0])))
+    return Value(value=factor, std=factor * float(np.sqrt(fitted.covariance[0, 0])))
 
 
 def _written(specimen: Specimen, alpha: Value, gains: Sequence[float]) -> Specimen:

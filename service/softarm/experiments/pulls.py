@@ -70,8 +70,8 @@ def pull_of(recording: Recording, specimen: Specimen, run: CalibrationRun) -> Ga
         raise InputError(recording.name, "has no force gauge", "record the gauge with the motion")
     gauge = recording.gauges[0]
     tension = recording.gauge(gauge)
-    seen = np.isfinite(tension)
-    if not seen.any():
+    valid = np.isfinite(tension)
+    if not valid.any():
         cure = "check its cable and its section in the configuration"
         raise InputError(f"{recording.name}, gauge {gauge}", "never answered", cure)
     if float(np.nanmax(tension)) < TAUT_N:
@@ -107,11 +107,11 @@ def rested(recording: Recording, times: Floats) -> Flags:
         part = table[inside]
         if len(part) < 2:
             continue
-        seen = np.isfinite(part)
-        some = seen.any(axis=0)
-        if (some != seen.all(axis=0))[hooked].any():  # tied or taken off meanwhile
+        valid = np.isfinite(part)
+        some = valid.any(axis=0)
+        if (some != valid.all(axis=0))[hooked].any():  # tied or taken off meanwhile
             continue
-        highest, lowest = (np.where(seen, part, -sign * np.inf).T for sign in (1.0, -1.0))
+        highest, lowest = (np.where(valid, part, -sign * np.inf).T for sign in (1.0, -1.0))
         spread = np.where(some, highest.max(axis=1) - lowest.min(axis=1), 0.0)
         flags[index] = bool((spread <= scale).all())
     return flags
@@ -161,20 +161,20 @@ class ForceErrors:
         return ForceErrors(self.time[flags], self.gauge[flags], self.estimate[flags], self.std[flags])
 
 
-def force_errors(track: Track[State], pull: GaugePull, free: Flags | None = None) -> ForceErrors:
+def force_errors(track: Track[State], pull: GaugePull, untied: Flags | None = None) -> ForceErrors:
     """Compare estimates with the gauge.
 
     Args:
         track: Estimates with lateral loads on the pulled section.
         pull: What the gauge says at the same times.
-        free: Samples at which no force acts; each pull is tared by those just before it. None leaves the
+        untied: Samples at which no force acts; each pull is tared by those just before it. None leaves the
             estimates as they are.
     """
     members = [index for index, load in enumerate(track.loads) if load.section == pull.section]
     axes = np.array([track.loads[index].direction for index in members])
     forces = track.forces[:, members] @ axes
-    if free is not None:
-        forces = forces - tare(forces, free)
+    if untied is not None:
+        forces = forces - tare(forces, untied)
     along = pull.lateral
     covariance = track.force_covariance[:, members][:, :, members]
     rows = np.einsum("si,li->sl", along, axes)
@@ -187,19 +187,19 @@ def force_errors(track: Track[State], pull: GaugePull, free: Flags | None = None
     )
 
 
-def tare(forces: Floats, free: Flags) -> Floats:
+def tare(forces: Floats, untied: Flags) -> Floats:
     """Return the mean force over the last stretch without force before each sample, shape (samples, axes).
 
     Args:
         forces: Estimates, shape (samples, axes).
-        free: Samples at which no force acts, shape (samples,).
+        untied: Samples at which no force acts, shape (samples,).
     """
     zero = np.zeros_like(forces)
     start, now = 0, np.zeros(forces.shape[1])
     for index in range(len(forces)):
-        if free[index]:
-            start = index if not (index and free[index - 1]) else start
-            seen = forces[start : index + 1]
-            now = np.nanmean(seen, axis=0) if np.isfinite(seen).all(axis=1).any() else now
+        if untied[index]:
+            start = index if not (index and untied[index - 1]) else start
+            before = forces[start : index + 1]
+            now = np.nanmean(before, axis=0) if np.isfinite(before).all(axis=1).any() else now
         zero[index] = now
     return zero

@@ -72,13 +72,13 @@ class RigSettings:
 @contextmanager
 def niceness(wanted: int) -> Iterator[None]:
     """Start processes with a niceness, where that is permitted; this one keeps its own."""
-    own = os.getpriority(os.PRIO_PROCESS, 0)
+    present = os.getpriority(os.PRIO_PROCESS, 0)
     with suppress(PermissionError):
         os.setpriority(os.PRIO_PROCESS, 0, wanted)
     try:
         yield
     finally:
-        os.setpriority(os.PRIO_PROCESS, 0, own)
+        os.setpriority(os.PRIO_PROCESS, 0, present)
 
 
 def free_endpoint() -> str:

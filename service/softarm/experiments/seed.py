@@ -262,7 +262,7 @@ def _teach(bench: SeedBench, result: SeedResult) -> None:
         result.add("teach", done.rows(hand))
         result.notes.append(done.note(hand))
     sideways, drawn = results
-    both = sideways.beside(drawn)
+    both = sideways.joined(drawn)
     result.add("teach", both.rows(IN_REACH, both.near))
     result.series["teach"] = {
         f"{unit}_{attempt}": errors.tolist()

@@ -45,11 +45,11 @@ def _taken(sensor: Measurement, readings: Floats, kind: str) -> tuple[Measuremen
         return None
     if kind == "poses":
         return sensor, readings
-    turned = Orientation(
+    rotated = Orientation(
         sensor.name.replace("frame_", "orientation_"),
         sensor.section,
         sensor.rotation_sigma,
         sensor.misalignment,
         sensor.registration,
     )
-    return turned, readings[:, 3:]
+    return rotated, readings[:, 3:]

@@ -18,7 +18,7 @@ from softarm.estimator.rotations import from_quaternions, log
 from softarm.estimator.sensing import MeasuredPose, SensorSuite
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
-from softarm.experiments.figures import Cells, beside, error_figures, without_unit
+from softarm.experiments.figures import Cells, error_figures, with_paper, without_unit
 from softarm.experiments.following import follow
 from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.models import hand_loads, tracking_model
@@ -73,11 +73,11 @@ class TeachResult:
         rows: list[Cells] = []
         for attempt, (millimetres, degrees) in enumerate(zip(self.millimetres, self.degrees, strict=True)):
             label = "pressures of the model" if attempt == 0 else f"after {attempt} corrections by feedback"
-            found = miss_rows(label, millimetres[taken], degrees[taken]) if taken.any() else []
-            rows += [{"hand": hand, **row} for row in found]
+            missed = miss_rows(label, millimetres[taken], degrees[taken]) if taken.any() else []
+            rows += [{"hand": hand, **row} for row in missed]
         return rows
 
-    def beside(self, other: "TeachResult") -> "TeachResult":
+    def joined(self, other: "TeachResult") -> "TeachResult":
         """Join the poses of two hands."""
         return TeachResult(
             np.hstack([self.millimetres, other.millimetres]),
@@ -129,8 +129,8 @@ def pose_of(run: CalibrationRun, section: str) -> CalibrationRun:
 
 def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:
     """Find where a body rests, beginning and end of the look at each rest's end [s], shape (looks, 2)."""
-    seen = np.isfinite(positions).all(axis=1)
-    times, points = time[seen], positions[seen]
+    valid = np.isfinite(positions).all(axis=1)
+    times, points = time[valid], positions[valid]
     width = max(2, round(0.2 / float(np.median(np.diff(times)))))
     kernel = np.ones(width) / width
     smooth = np.column_stack([np.convolve(column, kernel, mode="same") for column in points.T])
@@ -166,36 +166,40 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
     shown = follow(model, specimen, _slow(recording, specimen), poses.time)
     tips = _as_shown(poses.suite, specimen)
     tare = np.zeros(len(model.loads))
-    found = [
+    stills = [
         settle(acting, estimate, tips, limits, tare, replace_loads(estimate, tips, limits, tare))
         for estimate in shown
     ]
-    nearest = [None if there is None else there.frames for _, there in found]
+    nearest = [None if there is None else there.frames for _, there in stills]
     beyond = np.array([out_of_reach(goal.frames, there) for goal, there in zip(shown, nearest, strict=True)])
     held = [
         mapping.to_measured(e.inputs.pressures + step.change)
-        for e, (step, _) in zip(shown, found, strict=True)
+        for e, (step, _) in zip(shown, stills, strict=True)
     ]
-    asked = np.clip(np.array(held), 0.0, limits)
+    setpoints = np.clip(np.array(held), 0.0, limits)
     missed: list[tuple[Floats, Floats]] = []
     for attempt in range(CORRECTIONS + 1):
         run = FakeRun(
-            f"{recording.name}_held_{attempt}", (), VALVES_SEED, number, holds_table(asked, HOLD_S, RAMP_S)
+            f"{recording.name}_held_{attempt}",
+            (),
+            VALVES_SEED,
+            number,
+            holds_table(setpoints, HOLD_S, RAMP_S),
         )
         told = load_recording(perform(run, folder))
-        seen = _held(told, specimen, len(asked))
-        missed.append(misses(poses.readings, seen.readings))
+        windows = _held(told, specimen, len(setpoints))
+        missed.append(misses(poses.readings, windows.readings))
         if attempt == CORRECTIONS:
             break
         for row, estimate, goal in zip(
-            asked, follow(model, specimen, _slow(told, specimen), seen.time), shown, strict=True
+            setpoints, follow(model, specimen, _slow(told, specimen), windows.time), shown, strict=True
         ):
             applied, now = mapping.to_measured(estimate.measured_pressures), estimate.inputs.pressures
             change = approach(estimate, tips, limits, goal.frames, applied, goal.residuals).change
             row += mapping.to_measured(now + change) - mapping.to_measured(now)
-        asked = np.clip(asked, 0.0, limits)
+        setpoints = np.clip(setpoints, 0.0, limits)
     millimetres, degrees = (np.array(sizes) for sizes in zip(*missed, strict=True))
-    return TeachResult(millimetres, degrees, beyond, sum(step.reachable for step, _ in found))
+    return TeachResult(millimetres, degrees, beyond, sum(step.reachable for step, _ in stills))
 
 
 def _as_shown(suite: SensorSuite, specimen: Specimen) -> SensorSuite:
@@ -246,7 +250,7 @@ def miss_rows(label: str, millimetres: Floats, degrees: Floats) -> list[Cells]:
         ("position", "mm", millimetres, TEACH_MM),
         ("orientation", "degrees", degrees, TEACH_DEGREES),
     ):
-        figures = without_unit(beside(error_figures(sizes, unit), published, unit), unit)
+        figures = without_unit(with_paper(error_figures(sizes, unit), published, unit), unit)
         row: Cells = {"run": label, "quantity": quantity, "unit": unit, "poses": len(sizes)}
         rows.append(row | figures)
     return rows

@@ -14,7 +14,7 @@ from softarm.estimator.response import BatchArmModel, BatchInputs
 from softarm.estimator.sensing import MeasuredPose, SensorSuite
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchLaw
-from softarm.experiments.figures import Cells, beside, error_figures, inside, without_unit
+from softarm.experiments.figures import Cells, error_figures, inside, with_paper, without_unit
 from softarm.experiments.paper import VALIDATION_DEGREES, VALIDATION_MM
 
 FEWEST_POSES = 5
@@ -54,8 +54,8 @@ def predict(model: BatchArmModel, specimen: Specimen, holds: CalibrationRun) -> 
     setting = Setting.of(specimen, StretchLaw.of(specimen, model.sections))
     gravity, loads = np.array(specimen.gravity_m_s2), np.nan_to_num(holds.loads)
     acting = setting.actuation.to_chamber(holds.pressures)
-    found = setting.model(model).evaluate(BatchInputs(acting, loads, gravity))
-    return found.frames, found.converged
+    response = setting.model(model).evaluate(BatchInputs(acting, loads, gravity))
+    return response.frames, response.converged
 
 
 def pose_errors(model: BatchArmModel, specimen: Specimen, holds: CalibrationRun) -> tuple[PoseErrors, ...]:
@@ -108,19 +108,19 @@ def pose_deviation(specimen: Specimen, suite: SensorSuite) -> Floats:
     scatter = specimen.calibration.scatter
     spread = np.empty(suite.size)
     for sensor in suite.measurements:
-        own = np.sqrt(np.diag(sensor.covariance(np.zeros(sensor.reading_size))))
+        std = np.sqrt(np.diag(sensor.covariance(np.zeros(sensor.reading_size))))
         if isinstance(sensor, MeasuredPose):
-            own[:3] = np.hypot(own[:3], scatter.get(f"{sensor.name} position", 0.0))
-            own[3:] = np.hypot(own[3:], scatter.get(f"{sensor.name} rotation", 0.0))
+            std[:3] = np.hypot(std[:3], scatter.get(f"{sensor.name} position", 0.0))
+            std[3:] = np.hypot(std[3:], scatter.get(f"{sensor.name} rotation", 0.0))
         else:
-            own = np.hypot(own, scatter.get(sensor.name, 0.0))
-        spread[suite.slices[sensor.name]] = own
+            std = np.hypot(std, scatter.get(sensor.name, 0.0))
+        spread[suite.slices[sensor.name]] = std
     return spread
 
 
 def rows(errors: Sequence[PoseErrors], label: str) -> list[Cells]:
     """Return one row a section and quantity; the last section's stand beside the paper's."""
-    found: list[Cells] = []
+    listed: list[Cells] = []
     for part in errors:
         last = part is errors[-1]
         parts = (
@@ -130,11 +130,11 @@ def rows(errors: Sequence[PoseErrors], label: str) -> list[Cells]:
         )  # fmt: skip
         for quantity, unit, sizes, share, published in parts:
             figures = error_figures(sizes, unit)
-            named = without_unit(beside(figures, published, unit) if last else figures, unit)
-            found.append(
+            named = without_unit(with_paper(figures, published, unit) if last else figures, unit)
+            listed.append(
                 {"run": label, "section": part.section, "quantity": quantity, "unit": unit}
                 | {"poses": len(part.position)}
                 | named
                 | {"inside_2_std": share}
             )
-    return found
+    return listed

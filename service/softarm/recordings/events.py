@@ -46,14 +46,14 @@ def load_events(path: Path) -> tuple[RecordedEvent, ...]:
     if ".mcap" not in path.suffixes or not path.stat().st_size:
         return ()
     channels: set[int] = set()
-    found = []
+    events = []
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         for record in walk(data):
             if isinstance(record, Channel) and (record.topic, record.message_encoding) == (TOPIC, "json"):
                 channels.add(record.id)
             elif isinstance(record, Message) and record.channel_id in channels:
-                found.append(_event(json.loads(record.data)))
-    return tuple(sorted(found, key=lambda event: event.time_s))
+                events.append(_event(json.loads(record.data)))
+    return tuple(sorted(events, key=lambda event: event.time_s))
 
 
 def _event(values: Mapping[str, Any]) -> RecordedEvent:

@@ -17,9 +17,15 @@ def main() -> int:
     parser.add_argument("--arm", required=True, help="name of the arm")
     parser.add_argument("--endpoint", default=DEFAULT_ENDPOINT, help="zenoh endpoint of its service")
     parser.add_argument("--zenoh", type=Path, help="JSON5 file with credentials")
-    given, ros = parser.parse_known_args()
+    arguments, ros = parser.parse_known_args()
     try:
-        serve(given.arm, given.endpoint, given.zenoh, ros, partial(print, file=sys.stderr, flush=True))
+        serve(
+            arguments.arm,
+            arguments.endpoint,
+            arguments.zenoh,
+            ros,
+            partial(print, file=sys.stderr, flush=True),
+        )
     except ClientError as error:
         print(f"softarm: {error}", file=sys.stderr)
         return 2 if isinstance(error, SetupError) else 1

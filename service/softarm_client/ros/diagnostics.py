@@ -75,10 +75,10 @@ class Diagnostics:
         if age_s > STALE_S:
             what = f"nothing received from the service for {age_s:.1f} s"
             return self._message([Status(part, STALE, what) for part in self._parts or ("service",)], now_ns)
-        found = {status.part: status for status in self._statuses(state)}
-        self._parts |= dict.fromkeys(found)
-        gone = (Status(part, OK, "no finding") for part in self._parts if part not in found)
-        return self._message([*found.values(), *gone], now_ns)
+        by_part = {status.part: status for status in self._statuses(state)}
+        self._parts |= dict.fromkeys(by_part)
+        gone = (Status(part, OK, "no finding") for part in self._parts if part not in by_part)
+        return self._message([*by_part.values(), *gone], now_ns)
 
     def _statuses(self, state: State) -> Iterator[Status]:
         yield _service(state)

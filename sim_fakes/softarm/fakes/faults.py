@@ -123,17 +123,19 @@ class FaultBoard:
             listener(name, active)
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
+def nearest(name: str, candidates: Iterable[str]) -> str:
     """Return the known name that was probably meant."""
-    names = list(known)
+    names = list(candidates)
     close = difflib.get_close_matches(name, names, n=1, cutoff=0.5)
     return f"did you mean {close[0]!r}?" if close else f"there are: {', '.join(names)}"
 
 
 def _check_parameter(where: str, fault: Fault, key: str, value: Value) -> None:
     if key not in fault.parameters:
-        known = fault.parameters
-        raise InputError(where, f"no parameter {key!r}", nearest(key, known) if known else "it takes none")
+        parameters = fault.parameters
+        raise InputError(
+            where, f"no parameter {key!r}", nearest(key, parameters) if parameters else "it takes none"
+        )
     default = fault.parameters[key]
     wanted = (int, float) if isinstance(default, float) else type(default)
     if not isinstance(value, wanted) or (isinstance(value, bool) and not isinstance(default, bool)):

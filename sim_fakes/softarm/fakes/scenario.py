@@ -163,6 +163,6 @@ def _near(words: Sequence[str]) -> str:
     """Name the known key that is nearest to an unknown one."""
     part = PART_OF_KIND.get(words[-2]) if len(words) > 1 else Scenario
     tables: list[type[ConfigTable]] = [part] if part else [PlantPart, CordPart, FaultPart, BodyPart]
-    known = {key for table in tables for key in table.model_fields}
-    close = difflib.get_close_matches(words[-1], known, n=1)
+    keys = {key for table in tables for key in table.model_fields}
+    close = difflib.get_close_matches(words[-1], keys, n=1)
     return f", did you mean {close[0]!r}?" if close else ""

@@ -76,9 +76,9 @@ def by_valve(see: See, valve_map: Sequence[int]) -> See:
     chosen = np.array(valve_map, dtype=np.int64)
 
     def see_valves(signal: str, sensor: str | None, time: float, value: Floats) -> Floats:
-        seen = value.copy()
-        seen[chosen] = see(signal, sensor, time, value[chosen])
-        return seen
+        measured = value.copy()
+        measured[chosen] = see(signal, sensor, time, value[chosen])
+        return measured
 
     return see_valves
 

@@ -79,11 +79,11 @@ class FakeArmWorld:
         if self.cord is None or self._goal is None or self.cord == self._goal:
             return
         here, there = np.array(self.cord.hook), np.array(self._goal.hook)
-        left, reach = float(np.linalg.norm(there - here)), STAGE_SPEED * self.step
-        if left <= reach:
+        distance, reach = float(np.linalg.norm(there - here)), STAGE_SPEED * self.step
+        if distance <= reach:
             self.cord = self._goal
             return
-        x, y, z = (here + reach / left * (there - here)).tolist()
+        x, y, z = (here + reach / distance * (there - here)).tolist()
         self.cord = replace(self._goal, hook=(x, y, z))
 
     def _advance_once(self) -> None:

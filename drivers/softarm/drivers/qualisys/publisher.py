@@ -154,8 +154,8 @@ class MotionPublisher:
         if step.restarted:
             self._stream.start_epoch("measurement restarted")
         self._health.gaps += step.lost
-        known = self._fit(len(frame.values))
-        named = known and arrival_ns >= self._named_from_ns
+        fitting = self._fit(len(frame.values))
+        named = fitting and arrival_ns >= self._named_from_ns
         measured = poses(frame) if named else []
         by_name = {name: measured[index] for index, name in (self._labels or ()) if named}
         device_ns = frame.timestamp_us * 1000
@@ -172,7 +172,7 @@ class MotionPublisher:
             valid=not step.frozen and any(pose is not None for pose in by_name.values()),
             flags=(*flags, *(f"lost:{name}" for name in lost)),
         )
-        return known
+        return fitting
 
     def _fit(self, count: int) -> bool:
         """Find the labels for a number of bodies; they are kept while it stays."""

@@ -71,7 +71,7 @@ class DiagnosisRequest:
 def run(
     request: DiagnosisRequest,
     executor: Executor,
-    tell: Callable[[str], None] = lambda _: None,
+    advance: Callable[[str], None] = lambda _: None,
     keep: Callable[[Assembled], None] = lambda _: None,
 ) -> DiagnosisOutcome:
     """Diagnose recordings.
@@ -79,14 +79,14 @@ def run(
     Args:
         request: What to diagnose.
         executor: Runs independent work.
-        tell: Called with what is being done.
+        advance: Called with what is being done.
         keep: Given the residuals and columns, before anything is looked for.
 
     Raises:
         InputError: A recording cannot be read, does not fit the specimen, or cannot decide anything.
     """
     began = time.monotonic()
-    tell("reading")
+    advance("reading")
     effects = _known(request.effects)
     loaded = load_recordings((*request.recordings, *request.nominal))
     suspects, nominal = loaded[: len(request.recordings)], loaded[len(request.recordings) :]
@@ -116,18 +116,18 @@ def run(
         """Return the rod that is known, else one that is fitted once, and kept, to few samples."""
 
         def fitting(done: int, whole: int) -> None:
-            tell(f"fitting the rod, {done} of {whole}")
+            advance(f"fitting the rod, {done} of {whole}")
 
         return adapted((known or fitted_rod(request.specimen, fitting, QUICK)).rod, request.specimen)
 
     if _on_mesh(request.specimen, admitted, known):
         model = finite_element_model(request.specimen)
     else:
-        tell("preparing the model")
+        advance("preparing the model")
         model = rod_model(request.specimen, rod())
     sessions, notes = sessions_of(admitted, request.specimen, model)
     if _without_axes(request.specimen, sessions):
-        tell("finding the axes of bends")
+        advance("finding the axes of bends")
         specimen, words = with_axes(request.specimen, admitted, model.sections, rod())
         model = replace(model, specimen=specimen)
         sessions, notes = sessions_of(admitted, specimen, model)
@@ -136,7 +136,7 @@ def run(
         error = 100.0 * known.report.trained.force_rms
         notes = (*notes, f"The calibrated rod is {error:.1f} % of range off the finite elements in force.")
     outcome = diagnose(
-        model, sessions, executor, seed=request.seed, notes=notes, effects=effects, advance=tell, keep=keep
+        model, sessions, executor, seed=request.seed, notes=notes, effects=effects, advance=advance, keep=keep
     )
     beyond = outcome.fitted.beyond_prior if outcome.fitted is not None else ()
     diagnosis = with_intakes(with_valves(outcome.diagnosis, faults), intakes, (*found, *beyond))

@@ -54,10 +54,10 @@ def aligned(
         return specimen, ""
     what = f"{recording.name}: {specimen.name} as described does not predict {' and '.join(foreign)}"
     try:
-        found = calibrate(model, specimen, [run], Options(nodes=NODES))
+        outcome = calibrate(model, specimen, [run], Options(nodes=NODES))
     except CalibrationRefusedError as refusal:
         return specimen, f"{what}, and cannot be fitted to it: {refusal.what}"
-    return calibrated_specimen(specimen, found), (
+    return calibrated_specimen(specimen, outcome), (
         f"{what}; moduli, gains and axes were fitted to this recording first, so a force that acts all along "
         "it counts as pose (softarm calibrate keeps such a fit)"
     )
@@ -77,15 +77,15 @@ def _foreign(model: BatchArmModel, specimen: Specimen, run: CalibrationRun) -> t
     none = np.zeros((len(nodes.time), 0))
     gravity = np.array(specimen.gravity_m_s2)
     pressures = actuation(specimen, run).to_chamber(nodes.pressures)
-    found = model.evaluate(BatchInputs(pressures, none, gravity))
-    solved, answer = nodes.keep(found.converged), found.at(found.converged)
+    response = model.evaluate(BatchInputs(pressures, none, gravity))
+    solved, answer = nodes.keep(response.converged), response.at(response.converged)
     if len(solved.time) < 0.5 * PROBES:
         return tuple(m.name for m in run.suite.measurements if isinstance(m, Bend))
-    left = solved.readings - run.suite.predict(answer.frames)
+    residuals = solved.readings - run.suite.predict(answer.frames)
     fits = search_axes(run.suite, [solved], [answer.frames])
     return tuple(
         name
         for name, axes in fits.items()
-        if (error := float(np.sqrt(np.nanmean(left[:, run.suite.slices[name]] ** 2)))) > LEAST_ERROR
+        if (error := float(np.sqrt(np.nanmean(residuals[:, run.suite.slices[name]] ** 2)))) > LEAST_ERROR
         and error > BETTER * axes.rms
     )

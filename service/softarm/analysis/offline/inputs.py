@@ -94,8 +94,8 @@ def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[R
     try:
         if str(named) in SHIPPED:
             return load_specimen(str(named))
-        beside = data.parent / str(named)
-        return load_specimen(beside if beside.is_file() else str(named))
+        near_recording = data.parent / str(named)
+        return load_specimen(near_recording if near_recording.is_file() else str(named))
     except InputError as error:
         metadata = sidecar(data) if sidecar(data).is_file() else data
         raise InputError(f"{metadata}, specimen", f"{named!r}: {error.what}", error.cure) from None
@@ -119,10 +119,10 @@ def in_its_mount(specimen: Specimen, recording: Recording) -> Specimen:
     Raises:
         InputError: It is not three finite numbers.
     """
-    given = recording.info.get("gravity_m_s2")
-    if given is None:
+    recorded = recording.info.get("gravity_m_s2")
+    if recorded is None:
         return specimen
-    gravity = np.asarray(given, dtype=object)
+    gravity = np.asarray(recorded, dtype=object)
     if gravity.shape != (3,) or not all(isinstance(g, int | float) and np.isfinite(g) for g in gravity):
-        raise InputError(f"{recording.name}, gravity_m_s2", f"is {given}", "give x, y and z in m/s2")
+        raise InputError(f"{recording.name}, gravity_m_s2", f"is {recorded}", "give x, y and z in m/s2")
     return specimen.model_copy(update={"gravity_m_s2": tuple(float(g) for g in gravity)})

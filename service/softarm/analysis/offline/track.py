@@ -38,24 +38,24 @@ class Waypoints(Generic[State]):
 
     Args:
         loads: Names of the loads of the model that found them.
-        found: State and inputs of each sample, ``None`` where the search diverged; empty until a run was
+        solutions: State and inputs of each sample, ``None`` where the search diverged; empty until a run was
             followed.
     """
 
     loads: tuple[str, ...] = ()
-    found: list[tuple[State, Inputs] | None] = field(default_factory=list)
+    solutions: list[tuple[State, Inputs] | None] = field(default_factory=list)
 
     def at(self, index: int, loads: Sequence[Load]) -> tuple[State, Inputs] | None:
         """Return a sample's state with the inputs of a model that has other unknown loads as well."""
-        if index >= len(self.found) or (known := self.found[index]) is None:
+        if index >= len(self.solutions) or (solution := self.solutions[index]) is None:
             return None
-        state, inputs = known
+        state, inputs = solution
         values = dict(zip(self.loads, inputs.loads.tolist(), strict=True))
         amplitudes = np.array([values.get(load.name, 0.0) for load in loads])
-        given = Inputs(inputs.pressures, amplitudes, inputs.gravity)
+        start = Inputs(inputs.pressures, amplitudes, inputs.gravity)
         if isinstance(state, FiniteElementState):
-            state = replace(state, inputs=given)
-        return state, given
+            state = replace(state, inputs=start)
+        return state, start
 
 
 @dataclass(frozen=True)
@@ -132,7 +132,7 @@ def track(
     moving = MovingForces.of(specimen, tuple(model.sections), model.loads, run.suite)
     statement = ""
     waypoints = waypoints or Waypoints()
-    known = bool(waypoints.found)
+    solved = bool(waypoints.solutions)
     waypoints.loads = waypoints.loads or tuple(load.name for load in model.loads)
     in_vain_s, given_up = 0.0, 0
     for index, (time, readings, pressures) in enumerate(
@@ -140,7 +140,7 @@ def track(
     ):
         if in_vain_s > PATIENCE_S:
             given_up = len(run.time) - index
-            waypoints.found += [] if known else [None] * given_up
+            waypoints.solutions += [] if solved else [None] * given_up
             advance(given_up)
             break
         begin_near(estimator, waypoints, index, model.loads)
@@ -148,9 +148,9 @@ def track(
         estimate = estimator.update(float(time), readings, pressures, gravity)
         in_vain_s = in_vain_s + monotonic() - began if estimate.status == "diverged" else 0.0
         _put(estimates, index, estimate, *moving.update(float(time), readings, estimate))
-        if not known:
+        if not solved:
             lost = estimate.status == "diverged"
-            waypoints.found.append(None if lost else (estimate.state, estimate.inputs))
+            waypoints.solutions.append(None if lost else (estimate.state, estimate.inputs))
         if index in chosen and estimate.status != "diverged":
             shown.append((index, estimate.state))
         if not statement and estimate.converged:
@@ -204,12 +204,12 @@ def settings(loads: Sequence[Load], specimen: Specimen, run: CalibrationRun) -> 
 def actuation(specimen: Specimen, run: CalibrationRun) -> ActuationMap:
     """Return the map from recorded to chamber pressures; nominal pressures are noisier than measured ones."""
     sections = tuple(section.name for section in specimen.sections)
-    found = SpecimenSensors(specimen, sections, Registration()).actuation()
+    calibrated = SpecimenSensors(specimen, sections, Registration()).actuation()
     if "commanded" not in run.pressure_source:
-        return found
+        return calibrated
     highest = float(np.nanmax(run.pressures, initial=0.0))
     nominal = specimen.noise.nominal_pressure_relative * highest
-    return replace(found, sigma=max(found.sigma, nominal))
+    return replace(calibrated, sigma=max(calibrated.sigma, nominal))
 
 
 def _blank(model: ArmModel[State, Step], run: CalibrationRun) -> Track[State]:

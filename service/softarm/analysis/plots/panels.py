@@ -85,19 +85,19 @@ def _poses(recording: Recording) -> Iterator[PlotPanel]:
     for section in recording.frames:
         pose = recording.pose(section)
         moved = (pose[:, :3] - _first(pose[:, :3])) * MILLI
-        turned = _turned(pose[:, 3:])
+        vectors = _rotation_vectors(pose[:, 3:])
         yield PlotPanel(f"Position of {section}, from the first sample", "mm", _axes(moved))
-        yield PlotPanel(f"Rotation of {section}, from the first sample", "degrees", _axes(turned))
+        yield PlotPanel(f"Rotation of {section}, from the first sample", "degrees", _axes(vectors))
 
 
-def _turned(quaternions: Floats) -> Floats:
+def _rotation_vectors(quaternions: Floats) -> Floats:
     """Return rotation vectors from the first orientation [degrees], shape (samples, 3)."""
-    turned = np.full((len(quaternions), 3), np.nan)
-    seen = np.isfinite(quaternions).all(axis=1)
-    if seen.any():
-        rotations = from_quaternions(quaternions[seen])
-        turned[seen] = np.degrees(log(rotations[0].T @ rotations))
-    return turned
+    vectors = np.full((len(quaternions), 3), np.nan)
+    valid = np.isfinite(quaternions).all(axis=1)
+    if valid.any():
+        rotations = from_quaternions(quaternions[valid])
+        vectors[valid] = np.degrees(log(rotations[0].T @ rotations))
+    return vectors
 
 
 def _markers(recording: Recording) -> Iterator[PlotPanel]:
@@ -126,6 +126,6 @@ def _axes(values: Floats) -> tuple[PlotLine, ...]:
 
 def _first(values: Floats) -> Floats:
     """Return the first reading that was not lost, shape (3,)."""
-    seen = np.flatnonzero(np.isfinite(values).all(axis=1))
-    first: Floats = values[seen[0]] if seen.size else np.full(values.shape[1], np.nan)
+    valid = np.flatnonzero(np.isfinite(values).all(axis=1))
+    first: Floats = values[valid[0]] if valid.size else np.full(values.shape[1], np.nan)
     return first

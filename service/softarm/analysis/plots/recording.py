@@ -96,14 +96,14 @@ def with_gaps(time: Floats, values: Floats) -> tuple[Floats, Floats]:
     Returns:
         Times and values of the readings; NaN in the middle of each stretch of more than three usual steps.
     """
-    seen = np.isfinite(values)
-    own, readings = time[seen], values[seen]
-    steps = np.diff(own)
+    valid = np.isfinite(values)
+    times, readings = time[valid], values[valid]
+    steps = np.diff(times)
     if not len(steps):
-        return own, readings
+        return times, readings
     breaks = np.flatnonzero(steps > GAP_STEPS * np.median(steps)) + 1
-    middles = 0.5 * (own[breaks - 1] + own[breaks])
-    return np.insert(own, breaks, middles), np.insert(readings, breaks, np.nan)
+    middles = 0.5 * (times[breaks - 1] + times[breaks])
+    return np.insert(times, breaks, middles), np.insert(readings, breaks, np.nan)
 
 
 def amplitude_spectrum(time: Floats, values: Floats) -> tuple[Floats, Floats]:
@@ -118,13 +118,13 @@ def amplitude_spectrum(time: Floats, values: Floats) -> tuple[Floats, Floats]:
     Returns:
         Frequencies up to half the sensor's rate [Hz], and densities [unit/sqrt(Hz)].
     """
-    seen = np.isfinite(values)
-    if seen.sum() < SHORTEST_SPECTRUM:
+    valid = np.isfinite(values)
+    if valid.sum() < SHORTEST_SPECTRUM:
         return np.empty(0), np.empty(0)
-    own = time[seen]
-    rate = 1.0 / float(np.median(np.diff(own)))
-    even = np.arange(own[0], own[-1], 1.0 / rate)
-    bridged = np.interp(even, own, values[seen])
+    times = time[valid]
+    rate = 1.0 / float(np.median(np.diff(times)))
+    even = np.arange(times[0], times[-1], 1.0 / rate)
+    bridged = np.interp(even, times, values[valid])
     frequencies, density = welch(bridged, rate, nperseg=min(len(even), 1024), detrend="linear")
     return frequencies[1:], np.sqrt(density[1:])
 

@@ -149,10 +149,10 @@ class FakeArm:
         self._memory = fresh_memory(self._table)
         self._lines = lines(self._parameters.actuation, self._parameters.step)
         self._muscles = muscles(self._parameters)
-        own = self._parameters.actuation
-        strength, law = own.random_law
+        actuation = self._parameters.actuation
+        strength, law = actuation.random_law
         self._law = RandomLaw.draw(strength, law, self._plain.groups) if strength else None
-        self._area_law = np.array([*own.narrowing, own.twist])
+        self._area_law = np.array([*actuation.narrowing, actuation.twist])
         self._mount = np.array(self._parameters.mount.quaternion)
         self._into_base = rotation_matrix(np.array(self._parameters.mount.quaternion)).T
         self._origin = np.array(self._parameters.mount.position)
@@ -166,11 +166,11 @@ class FakeArm:
 
     def _take_over(self, chain: PlantChain, data: mujoco.MjData, memory: FibreMemory) -> None:
         """Go on from the motion and the memory of the arm before a switch."""
-        own = self._chain
-        self._data.qpos[own.slide_positions] = data.qpos[chain.slide_positions]
-        self._data.qpos[own.ball_positions] = data.qpos[chain.ball_positions]
-        self._data.qvel[own.slides] = data.qvel[chain.slides]
-        self._data.qvel[own.balls] = data.qvel[chain.balls]
+        new_chain = self._chain
+        self._data.qpos[new_chain.slide_positions] = data.qpos[chain.slide_positions]
+        self._data.qpos[new_chain.ball_positions] = data.qpos[chain.ball_positions]
+        self._data.qvel[new_chain.slides] = data.qvel[chain.slides]
+        self._data.qvel[new_chain.balls] = data.qvel[chain.balls]
         self._memory.last[:] = memory.last
         self._memory.largest[:] = memory.largest
         self._memory.relaxed[:] = memory.last[:, :, None]
@@ -218,8 +218,8 @@ class FakeArm:
 
     def _bends(self, quaternions: Floats) -> Floats:
         """Add up the small rotations of each segment's joints about x and y [rad], shape (segments, 2)."""
-        turned = 2.0 * quaternions[:, 1:3]
-        return np.stack([turned[self._places == k].sum(axis=0) for k in range(len(self.segments))])
+        vectors = 2.0 * quaternions[:, 1:3]
+        return np.stack([vectors[self._places == k].sum(axis=0) for k in range(len(self.segments))])
 
     def _damp(self, settling: bool) -> None:
         """Set the viscosity, which may depend on the speed of the tip."""
@@ -242,8 +242,8 @@ class FakeArm:
         self._tension = 0.0
         if inputs.cord is not None:
             index = self._section(inputs.cord.section)
-            own = self._parameters
-            line = TautLine(inputs.cord.length, own.cord_stiffness, own.cord_damping)
+            parameters = self._parameters
+            line = TautLine(inputs.cord.length, parameters.cord_stiffness, parameters.cord_damping)
             force, self._tension = line.pull(
                 data.site_xpos[self._chain.sections[index]],
                 self._velocity(index) - self._hook_velocity,

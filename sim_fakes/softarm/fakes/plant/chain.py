@@ -127,10 +127,10 @@ def _masses(parameters: ArmParameters, joints: tuple[Joint, ...]) -> Floats:
     """Share the silicone's mass by area, and give the rigid part to the last link of each segment [kg]."""
     masses = np.zeros(len(joints))
     for index, segment in enumerate(parameters.segments):
-        own = [k for k, joint in enumerate(joints) if joint.segment == index]
-        areas = np.array([joints[k].section.areas.sum() for k in own])
-        masses[own] = parameters.density_factor * segment.mass * areas / areas.sum()
-        masses[own[-1]] += parameters.rigid_masses[index]
+        joint_indices = [k for k, joint in enumerate(joints) if joint.segment == index]
+        areas = np.array([joints[k].section.areas.sum() for k in joint_indices])
+        masses[joint_indices] = parameters.density_factor * segment.mass * areas / areas.sum()
+        masses[joint_indices[-1]] += parameters.rigid_masses[index]
     return masses
 
 

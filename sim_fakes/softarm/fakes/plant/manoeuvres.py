@@ -212,7 +212,7 @@ def plucked(on: Layout = SOPRA) -> PlantManoeuvre:
     """Draw the tip 40 mm away as fast as the gauge's stage moves, and let go, so that the arm swings."""
     away = np.linspace(0.0, 0.04, samples(0.04 / STAGE_SPEED))
     stage = np.concatenate([away, np.full(samples(1.0), 0.04)])
-    return _pulls("plucked", on.sections[-1], stage, directions(3), None, on, free=3.0)
+    return _pulls("plucked", on.sections[-1], stage, directions(3), None, on, slack=3.0)
 
 
 def _pulls(
@@ -222,12 +222,12 @@ def _pulls(
     ways: tuple[tuple[float, float, float], ...],
     pressures: Floats | None,
     on: Layout,
-    free: float = 2.0,
+    slack: float = 2.0,
 ) -> PlantManoeuvre:
     """Repeat one travel of the stage in several directions, some seconds free after each."""
     level = on.vented if pressures is None else np.asarray(pressures)
     lead = samples(4.0)
-    length = len(stage) + samples(free)
+    length = len(stage) + samples(slack)
     pulls = tuple(
         CordPull(section, lead + number * length, direction, stage) for number, direction in enumerate(ways)
     )

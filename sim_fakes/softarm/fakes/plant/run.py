@@ -72,11 +72,11 @@ def perform(arm: FakeArm, manoeuvre: PlantManoeuvre, outlets: Floats) -> Truth:
     states: list[PlantState] = []
     hooks = np.full((count, 3), np.nan)
     before = outlets[0]
-    for index, given in enumerate(outlets):
+    for index, pressures in enumerate(outlets):
         cord, hand = _cord(pulls, index, arm.state), _hand(grips, index, arm.state)
-        arm.advance(start + (index + 1) * SAMPLE, PlantInputs(0.5 * (before + given), cord, hand))
+        arm.advance(start + (index + 1) * SAMPLE, PlantInputs(0.5 * (before + pressures), cord, hand))
         states.append(arm.state)
-        before = given
+        before = pressures
         if cord is not None:
             hooks[index] = cord.hook
     return Truth(
@@ -93,10 +93,10 @@ def perform(arm: FakeArm, manoeuvre: PlantManoeuvre, outlets: Floats) -> Truth:
 
 def _cord(pulls: _Track[CordPull], sample: int, state: PlantState) -> Cord | None:
     """Tie the cord that a sample asks for."""
-    found = pulls.at(sample, state)
-    if found is None:
+    hold = pulls.at(sample, state)
+    if hold is None:
         return None
-    pull, knot, since = found
+    pull, knot, since = hold
     direction = np.array(pull.direction) / np.linalg.norm(pull.direction)
     hook = knot + (pull.length - pull.slack + pull.travel[since]) * direction
     return Cord(pull.section, (float(hook[0]), float(hook[1]), float(hook[2])), pull.length)
@@ -104,10 +104,10 @@ def _cord(pulls: _Track[CordPull], sample: int, state: PlantState) -> Cord | Non
 
 def _hand(grips: _Track[Grip], sample: int, state: PlantState) -> Hand | None:
     """Put on the hand that a sample asks for."""
-    found = grips.at(sample, state)
-    if found is None:
+    hold = grips.at(sample, state)
+    if hold is None:
         return None
-    grip, place, since = found
+    grip, place, since = hold
     target = place + grip.path[since]
     position = (float(target[0]), float(target[1]), float(target[2]))
     return Hand(grip.section, position=position, stiffness=grip.stiffness)

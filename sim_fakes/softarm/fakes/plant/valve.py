@@ -51,14 +51,14 @@ def outlet(valve: ValveConstants, commands: Floats, filters: tuple[Filter, ...])
     for chamber, delay in enumerate(np.broadcast_to(valve.dead_time, commands.shape[1])):
         clock = np.arange(len(commands)) - delay / SAMPLE
         late[:, chamber] = np.interp(clock, np.arange(len(commands)), commands[:, chamber])
-    given = np.empty_like(commands)
+    output = np.empty_like(commands)
     now = np.zeros(commands.shape[1])
-    for index, asked in enumerate(late):
-        target = np.where(asked > 0.0, np.maximum(0.0, asked + valve.error), 0.0)
+    for index, command in enumerate(late):
+        target = np.where(command > 0.0, np.maximum(0.0, command + valve.error), 0.0)
         for one in filters:
             target = one.update(index * SAMPLE, target)
-        gap = target - now
-        share = -np.expm1(-SAMPLE / np.where(gap > 0.0, valve.rise_time, valve.fall_time))
-        now = now + np.clip(share * gap, -valve.fall * SAMPLE, valve.rise * SAMPLE)
-        given[index] = now
-    return given
+        error = target - now
+        share = -np.expm1(-SAMPLE / np.where(error > 0.0, valve.rise_time, valve.fall_time))
+        now = now + np.clip(share * error, -valve.fall * SAMPLE, valve.rise * SAMPLE)
+        output[index] = now
+    return output

@@ -79,21 +79,21 @@ class ConcealedEffect:
         Raises:
             InputError: A parameter or a kind of place is unknown, or a value is not finite.
         """
-        given = {
+        stated = {
             self.principal if name == "strength" else name: v for name, v in concealed.parameters.items()
         }
         where = f"effect '{self.name}'"
-        for name in given:
+        for name in stated:
             if name not in self.quantities:
                 raise InputError(where, f"no parameter '{name}'", f"one of {', '.join(self.quantities)}")
-            if not math.isfinite(given[name]):
-                raise InputError(where, f"{name} = {given[name]}", "give a finite number")
+            if not math.isfinite(stated[name]):
+                raise InputError(where, f"{name} = {stated[name]}", "give a finite number")
         for place in concealed.where:
             if place not in self.places:
                 raise InputError(
                     where, f"cannot be placed by '{place}'", f"one of {', '.join(self.places) or 'none'}"
                 )
-        return {name: given.get(name, quantity.typical) for name, quantity in self.quantities.items()}
+        return {name: stated.get(name, quantity.typical) for name, quantity in self.quantities.items()}
 
 
 @dataclass(frozen=True)

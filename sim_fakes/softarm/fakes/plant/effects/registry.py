@@ -31,8 +31,8 @@ def effect(name: str) -> ConcealedEffect:
     for effects in (ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS):
         if name in effects:
             return effects[name]
-    known = ", ".join((*ARM_EFFECTS, *INSTRUMENT_EFFECTS, *FOREIGN_EFFECTS))
-    raise InputError(f"effect '{name}'", "unknown", f"one of {known}")
+    names = ", ".join((*ARM_EFFECTS, *INSTRUMENT_EFFECTS, *FOREIGN_EFFECTS))
+    raise InputError(f"effect '{name}'", "unknown", f"one of {names}")
 
 
 def apply(arm: ArmParameters, concealed: tuple[Concealed, ...]) -> ArmParameters:
@@ -42,12 +42,12 @@ def apply(arm: ArmParameters, concealed: tuple[Concealed, ...]) -> ArmParameters
         InputError: One of them does not live in the arm, or its parameters or place do not fit.
     """
     for one in concealed:
-        known = effect(one.name)
-        if not isinstance(known, ArmEffect):
+        definition = effect(one.name)
+        if not isinstance(definition, ArmEffect):
             raise InputError(
                 f"effect '{one.name}'", "acts in an instrument", "conceal it in the signal's filter"
             )
-        arm = known.change(arm, one.where, known.numbers(one))
+        arm = definition.change(arm, one.where, definition.numbers(one))
     return arm
 
 
@@ -66,9 +66,9 @@ def filters(concealed: tuple[Concealed, ...], signal: str, sensor: str | None = 
     """
     made = []
     for one in concealed:
-        known = effect(one.name)
-        if isinstance(known, InstrumentEffect) and signal in known.signals:
-            numbers = known.numbers(one)
+        definition = effect(one.name)
+        if isinstance(definition, InstrumentEffect) and signal in definition.signals:
+            numbers = definition.numbers(one)
             if one.where.get("sensor") in (None, sensor):
-                made.append(known.make(signal, one.where, numbers))
+                made.append(definition.make(signal, one.where, numbers))
     return tuple(made)
