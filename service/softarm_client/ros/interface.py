@@ -8,7 +8,7 @@ TRANSFORMS = "tf2_msgs/msg/TFMessage"
 
 
 @dataclass(frozen=True)
-class Topic:
+class RosTopic:
     """A topic that the node publishes.
 
     Args:
@@ -40,46 +40,48 @@ def _filled(pattern: str, names: dict[str, object]) -> str:
 LOAD_FRAME = "<section>/load"
 PRESSURE = "sensor_msgs/msg/FluidPressure"
 TOPICS = {
-    "transforms": Topic(
+    "transforms": RosTopic(
         "/tf", TRANSFORMS, "", "frames `<section>`, and `<section>/load`: same origin, axes of the base"
     ),
-    "pose": Topic("sections/<section>/pose", "geometry_msgs/msg/PoseStamped", "", "pose of a section [m]"),
-    "pose_with_covariance": Topic(
+    "pose": RosTopic("sections/<section>/pose", "geometry_msgs/msg/PoseStamped", "", "pose of a section [m]"),
+    "pose_with_covariance": RosTopic(
         "sections/<section>/pose_with_covariance",
         "geometry_msgs/msg/PoseWithCovarianceStamped",
         "",
         "the same with its variances [m2, rad2] about the base axes; correlations are 0",
     ),
-    "wrench": Topic(
+    "wrench": RosTopic(
         "sections/<section>/wrench",
         "geometry_msgs/msg/WrenchStamped",
         LOAD_FRAME,
         "external force on a section [N]; NaN: not estimated, as every torque",
     ),
-    "force_std": Topic(
+    "force_std": RosTopic(
         "sections/<section>/force_std",
         "geometry_msgs/msg/Vector3Stamped",
         LOAD_FRAME,
         "standard deviation of that force [N]; NaN: not estimated",
     ),
-    "forces": Topic(
+    "forces": RosTopic(
         "forces",
         "visualization_msgs/msg/MarkerArray",
         LOAD_FRAME,
         "the forces as arrows for RViz, 0.15 m/N; axes that are not estimated drawn as 0",
     ),
-    "in_contact": Topic(
+    "in_contact": RosTopic(
         "in_contact", "std_msgs/msg/Bool", None, "whether an external force exceeds the noise"
     ),
-    "measured": Topic("chambers/chamber_<chamber>/measured", PRESSURE, "", "measured pressure [Pa], gauge"),
-    "asked": Topic(
+    "measured": RosTopic(
+        "chambers/chamber_<chamber>/measured", PRESSURE, "", "measured pressure [Pa], gauge"
+    ),
+    "asked": RosTopic(
         "chambers/chamber_<chamber>/asked", PRESSURE, "", "set-point that was asked for [Pa], gauge"
     ),
-    "applied": Topic(
+    "applied": RosTopic(
         "chambers/chamber_<chamber>/applied", PRESSURE, "", "set-point after limits and slew [Pa], gauge"
     ),
-    "mode": Topic("mode", "std_msgs/msg/String", None, "mode of the service, such as `HOLDING`"),
-    "diagnostics": Topic(
+    "mode": RosTopic("mode", "std_msgs/msg/String", None, "mode of the service, such as `HOLDING`"),
+    "diagnostics": RosTopic(
         "/diagnostics",
         "diagnostic_msgs/msg/DiagnosticArray",
         None,

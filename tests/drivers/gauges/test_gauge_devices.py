@@ -8,7 +8,7 @@ import pytest
 
 from softarm.drivers.errors import ConnectionLost
 from softarm.drivers.gauges.device import LineGaugeConfig, LutronConfig, StreamingGauge
-from softarm.drivers.gauges.force import Force, ForceScale
+from softarm.drivers.gauges.force import ForceScale, GaugeForce
 from softarm.drivers.gauges.polled import Mark10Config, Mark10Gauge, PolledGauge, SauterConfig, SauterGauge
 from softarm.drivers.gauges.sample import GaugeSample
 from softarm.drivers.reading import Reading
@@ -16,10 +16,10 @@ from softarm.drivers.reading import Reading
 MS = 1_000_000
 
 
-class Readings(list[Reading[Force]]):
+class Readings(list[Reading[GaugeForce]]):
     """A sink that keeps what it gets."""
 
-    def __call__(self, reading: Reading[Force]) -> None:
+    def __call__(self, reading: Reading[GaugeForce]) -> None:
         self.append(reading)
 
 

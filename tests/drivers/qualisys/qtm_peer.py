@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from softarm.drivers.errors import DeviceErrors
-from softarm.drivers.qualisys.connection import Connection
+from softarm.drivers.qualisys.connection import QtmConnection
 from softarm.drivers.qualisys.device import MotionCapture, QualisysConfig
 from softarm.drivers.qualisys.poses import MotionFrame
 from softarm.drivers.qualisys.session import QtmSession
@@ -55,10 +55,10 @@ class Peer:
         self.refuse_stream = False
         self.commands: list[str] = []
         self.answers: dict[str, Callable[[], bytes]] = {}
-        self.connections: list[Connection] = []
+        self.connections: list[QtmConnection] = []
         self.aborted = 0
 
-    def connect(self, connection: Connection) -> None:
+    def connect(self, connection: QtmConnection) -> None:
         self.connections.append(connection)
         connection.connection_made(PeerTransport(self, connection))  # type: ignore[arg-type]
         self.send(self.greeting)
@@ -96,7 +96,7 @@ class Peer:
 class PeerTransport:
     """What a connection writes to."""
 
-    def __init__(self, peer: Peer, connection: Connection) -> None:
+    def __init__(self, peer: Peer, connection: QtmConnection) -> None:
         self._peer = peer
         self._connection = connection
 
@@ -118,7 +118,7 @@ class Capture(MotionCapture):
     peer: Peer
 
     async def open(self) -> QtmSession:
-        connection = Connection(self.name, self.clock)
+        connection = QtmConnection(self.name, self.clock)
         self.peer.connect(connection)
         return QtmSession(self._config, connection, self._publisher, self.health, self.clock)
 

@@ -6,14 +6,14 @@ from typing import Any
 import pytest
 
 from softarm.drivers.errors import ConnectionLost
-from softarm.drivers.qualisys.connection import Connection, QtmError
+from softarm.drivers.qualisys.connection import QtmConnection, QtmError
 from softarm.drivers.qualisys.packets import PacketKind
 from tests.drivers.qualisys.qtm_peer import Peer, event, frame, text
 
 
-def connected(virtual: Any) -> tuple[Peer, Connection]:
+def connected(virtual: Any) -> tuple[Peer, QtmConnection]:
     peer = Peer()
-    connection = Connection("mocap", virtual.clock)
+    connection = QtmConnection("mocap", virtual.clock)
     peer.connect(connection)
     return peer, connection
 

@@ -15,7 +15,7 @@ from softarm.drivers import serial_link
 from softarm.drivers.clock import monotonic
 from softarm.drivers.errors import ConnectionLost, ProtocolError
 from softarm.drivers.gauges.device import LineGaugeConfig
-from softarm.drivers.gauges.force import Force
+from softarm.drivers.gauges.force import GaugeForce
 from softarm.drivers.reading import Reading
 from softarm.drivers.serial_link import SerialConfig, SerialLink, open_serial
 from softarm.drivers.supervisor import ConnectionState
@@ -169,13 +169,13 @@ class Rig:
     """A line gauge on a terminal."""
 
     def __init__(self, terminal: Terminal, **options: float) -> None:
-        self.readings: asyncio.Queue[Reading[Force]] = asyncio.Queue()
+        self.readings: asyncio.Queue[Reading[GaugeForce]] = asyncio.Queue()
         config = LineGaugeConfig(
             name="gauge", port=str(terminal.link), unit="N", identify_s=options.get("identify_s", 5.0)
         )
         self.device = config.build(self.readings.put_nowait)
 
-    async def next(self) -> Reading[Force]:
+    async def next(self) -> Reading[GaugeForce]:
         async with asyncio.timeout(5):
             return await self.readings.get()
 

@@ -6,7 +6,7 @@ from pydantic import Field
 
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.framing import Codec
-from softarm.drivers.gauges.force import Force, ForceScale
+from softarm.drivers.gauges.force import ForceScale, GaugeForce
 from softarm.drivers.gauges.line import line_gauge_codec
 from softarm.drivers.gauges.lutron import lutron_codec
 from softarm.drivers.gauges.sample import GaugeSample
@@ -33,8 +33,8 @@ class GaugeConfig(SerialConfig):
     tare_n: Annotated[float, Field(allow_inf_nan=False)] = 0.0
 
 
-class ForceGauge(SerialDevice[FrameT, Force]):
-    """A force gauge; readings are `Force`, pull positive.
+class ForceGauge(SerialDevice[FrameT, GaugeForce]):
+    """A force gauge; readings are `GaugeForce`, pull positive.
 
     Args:
         config: Its settings.
@@ -87,7 +87,7 @@ class ForceGauge(SerialDevice[FrameT, Force]):
             flags=flags,
         )
 
-    def _alarm(self, sample: GaugeSample, force: Force) -> None:
+    def _alarm(self, sample: GaugeSample, force: GaugeForce) -> None:
         alarms = self.health.alarms
         if sample.over_range:
             self.health.events[OVER_RANGE] += OVER_RANGE not in alarms

@@ -10,7 +10,7 @@ STEP: Final = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Force:
+class GaugeForce:
     """One reading of a force gauge.
 
     Args:
@@ -32,7 +32,7 @@ class Force:
 class Judged:
     """A force, whether it may be used, and why not or what is special."""
 
-    force: Force
+    force: GaugeForce
     valid: bool
     flags: tuple[str, ...]
     events: tuple[str, ...]
@@ -72,7 +72,7 @@ class ForceScale:
         unit = sample.unit or unit or self.unit or ""
         per = NEWTON_PER.get(unit, 0.0)
         gross = self.gross(sample, unit)
-        force = Force(gross - self.tare, gross, per / 10**sample.decimals, unit, sample.stable)
+        force = GaugeForce(gross - self.tare, gross, per / 10**sample.decimals, unit, sample.stable)
         flags = [
             flag for flag, holds in (("over_range", sample.over_range), ("unit_unknown", not per)) if holds
         ]

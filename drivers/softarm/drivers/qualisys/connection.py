@@ -31,7 +31,7 @@ class _Request(NamedTuple):
     answer: asyncio.Future[bytes]
 
 
-class Connection(asyncio.Protocol):
+class QtmConnection(asyncio.Protocol):
     """A connection, from the welcome to the end.
 
     QTM answers in the order of the requests. A request that was given up stays in line until its answer has

@@ -6,7 +6,7 @@ from typing import Literal
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.device import Device
 from softarm.drivers.errors import ConnectionLost
-from softarm.drivers.qualisys.connection import PORT_CURE, Connection
+from softarm.drivers.qualisys.connection import PORT_CURE, QtmConnection
 from softarm.drivers.qualisys.poses import MotionFrame
 from softarm.drivers.qualisys.publisher import MotionPublisher, QtmConfig
 from softarm.drivers.qualisys.session import QtmSession
@@ -47,7 +47,7 @@ class MotionCapture(Device):
         loop = asyncio.get_running_loop()
         try:
             _, connection = await loop.create_connection(
-                lambda: Connection(self.name, self.clock), host, port
+                lambda: QtmConnection(self.name, self.clock), host, port
             )
         except OSError as error:
             raise ConnectionLost(

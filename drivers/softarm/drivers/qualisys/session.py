@@ -8,7 +8,7 @@ from softarm.drivers.errors import ConfigurationError, ConnectionLost, ProtocolE
 from softarm.drivers.framing import FrameFault
 from softarm.drivers.health import Health
 from softarm.drivers.qualisys.bodies import decode_bodies
-from softarm.drivers.qualisys.connection import PORT_CURE, Connection, QtmError
+from softarm.drivers.qualisys.connection import PORT_CURE, QtmConnection, QtmError
 from softarm.drivers.qualisys.packets import HEADER_LENGTH, PacketKind, QtmEvent, packet_text
 from softarm.drivers.qualisys.parameters import STANDARD_EULER, Parameters, parse_parameters
 from softarm.drivers.qualisys.publisher import MotionPublisher, QtmConfig
@@ -33,7 +33,7 @@ class QtmSession:
     def __init__(
         self,
         config: QtmConfig,
-        connection: Connection,
+        connection: QtmConnection,
         publisher: MotionPublisher,
         health: Health,
         clock: Clock,

@@ -5,7 +5,7 @@ from functools import singledispatch
 from typing import Any
 
 from softarm.drivers.bend.device import BendAngles
-from softarm.drivers.gauges.force import Force
+from softarm.drivers.gauges.force import GaugeForce
 from softarm.drivers.imu.sample import ImuSample
 from softarm.drivers.qualisys.poses import MotionFrame
 from softarm.drivers.reading import Reading
@@ -54,7 +54,7 @@ def _(value: ImuSample) -> Iterator[tuple[str, tuple[float, ...]]]:
 
 
 @parts.register
-def _(value: Force) -> Iterator[tuple[str, tuple[float, ...]]]:
+def _(value: GaugeForce) -> Iterator[tuple[str, tuple[float, ...]]]:
     yield "", (value.force,)
 
 

@@ -15,7 +15,7 @@ from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT
 from softarm.fakes.plant.from_specimen import arm_of, layout_of
 from softarm.fakes.plant.generate import Laboratory, generate
 from softarm.fakes.plant.manoeuvre import PlantManoeuvre, chain
-from softarm.fakes.plant.manoeuvres import LIBRARY, SOPRA, Layout, path
+from softarm.fakes.plant.manoeuvres import LIBRARY, SOPRA, ChamberLayout, path
 from softarm.fakes.plant.mounts import MOUNTS
 from softarm.fakes.plant.variants import variant
 from softarm.fakes.plant.write import write
@@ -114,7 +114,7 @@ def parse_effect(text: str) -> Concealed:
     return Concealed(name, where, numbers)
 
 
-def _followed(table: Path, layout: Layout) -> PlantManoeuvre:
+def _followed(table: Path, layout: ChamberLayout) -> PlantManoeuvre:
     """Read a manoeuvre from a table of commanded pressures, linear in between.
 
     Raises:
@@ -130,7 +130,7 @@ def _followed(table: Path, layout: Layout) -> PlantManoeuvre:
     return path("commands", points, time - time[0])
 
 
-def _played(specimen: str | None, seed: int | None) -> tuple[Laboratory, Layout]:
+def _played(specimen: str | None, seed: int | None) -> tuple[Laboratory, ChamberLayout]:
     """Put SoPrA, another arm of its drawing, or the arm of a specimen in its laboratory."""
     if specimen is not None:
         described = load_specimen(specimen)

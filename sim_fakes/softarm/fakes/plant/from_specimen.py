@@ -14,7 +14,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import Section, Segment, Specimen
 from softarm.fakes.plant.cross_section import CrossSection, sampled
 from softarm.fakes.plant.instruments import InstrumentQuality
-from softarm.fakes.plant.manoeuvres import Layout
+from softarm.fakes.plant.manoeuvres import ChamberLayout
 from softarm.fakes.plant.mounts import HANGING
 from softarm.fakes.plant.outline import Outline, outline_of
 from softarm.fakes.plant.parameters import Actuation, ArmParameters, Mount, PlantFrame, PlantSegment, sopra
@@ -51,9 +51,9 @@ def arm_of(specimen: Specimen | None, seed: int) -> Variant:
     return variant(seed, plain=_plain(specimen))
 
 
-def layout_of(specimen: Specimen) -> Layout:
+def layout_of(specimen: Specimen) -> ChamberLayout:
     """Return what the manoeuvres need to know of a specimen's arm; driven up to 3/4 of its lowest limit."""
-    return Layout(
+    return ChamberLayout(
         groups=tuple(
             tuple(c.index for c in specimen.chambers if c.segment == segment.name)
             for segment in specimen.segments

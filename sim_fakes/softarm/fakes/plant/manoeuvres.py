@@ -17,7 +17,7 @@ Random = np.random.Generator
 
 
 @dataclass(frozen=True)
-class Layout:
+class ChamberLayout:
     """What a manoeuvre needs to know of an arm.
 
     Args:
@@ -47,12 +47,12 @@ class Layout:
         return np.isin(np.arange(self.chambers), chambers).astype(float)
 
 
-SOPRA = Layout()
+SOPRA = ChamberLayout()
 JUMP = 0.4
 """Time in which pressures go to a pose that is held [s]."""
 
 
-def rest(seconds: float = 20.0, on: Layout = SOPRA) -> PlantManoeuvre:
+def rest(seconds: float = 20.0, on: ChamberLayout = SOPRA) -> PlantManoeuvre:
     """Leave the arm vented."""
     return PlantManoeuvre("rest", np.zeros((samples(seconds), on.chambers)))
 
@@ -63,7 +63,7 @@ def path(name: str, points: Floats, times: Floats) -> PlantManoeuvre:
     return PlantManoeuvre(name, np.column_stack([np.interp(clock, times, column) for column in points.T]))
 
 
-def random_pressures(rng: Random, highest: float | None = None, on: Layout = SOPRA) -> Floats:
+def random_pressures(rng: Random, highest: float | None = None, on: ChamberLayout = SOPRA) -> Floats:
     """Draw pressures as an allocation gives them: one chamber of each segment stays vented."""
     pressures = rng.uniform(0.0, highest or on.highest, on.chambers)
     for group in on.groups:
@@ -76,7 +76,9 @@ def one_of_each(rng: Random) -> tuple[int, int]:
     return int(rng.integers(3)), 3 + int(rng.integers(3))
 
 
-def random_holds(rng: Random, seconds: float = 60.0, hold: float = 5.0, on: Layout = SOPRA) -> PlantManoeuvre:
+def random_holds(
+    rng: Random, seconds: float = 60.0, hold: float = 5.0, on: ChamberLayout = SOPRA
+) -> PlantManoeuvre:
     """Go from one random pose to another and hold each."""
     points, times = [on.vented], [0.0]
     for number in range(max(1, round(seconds / hold))):
@@ -86,14 +88,14 @@ def random_holds(rng: Random, seconds: float = 60.0, hold: float = 5.0, on: Layo
 
 
 def ramps(
-    rng: Random, durations: tuple[float, ...] = (4.0, 10.0, 30.0), on: Layout = SOPRA
+    rng: Random, durations: tuple[float, ...] = (4.0, 10.0, 30.0), on: ChamberLayout = SOPRA
 ) -> PlantManoeuvre:
     """Go to one random pose and back, at several rates."""
     level = random_pressures(rng, on=on)
     return _filled("ramps", [level] * len(durations), durations, 2.0, on)
 
 
-def triangles(chambers: tuple[int, ...] = (), on: Layout = SOPRA) -> PlantManoeuvre:
+def triangles(chambers: tuple[int, ...] = (), on: ChamberLayout = SOPRA) -> PlantManoeuvre:
     """Cycle chambers between zero and two amplitudes at two rates, with reversal curves inside."""
     chambers = chambers or (on.groups[0][0], on.groups[-1][1 % len(on.groups[-1])])
     points, times = [on.vented], [0.0]
@@ -105,13 +107,15 @@ def triangles(chambers: tuple[int, ...] = (), on: Layout = SOPRA) -> PlantManoeu
     return path("triangles", np.array(points), np.array(times))
 
 
-def long_holds(rng: Random, hold: float = 40.0, count: int = 2, on: Layout = SOPRA) -> PlantManoeuvre:
+def long_holds(rng: Random, hold: float = 40.0, count: int = 2, on: ChamberLayout = SOPRA) -> PlantManoeuvre:
     """Hold random poses for long, vented as long after each."""
     levels = [random_pressures(rng, on=on) for _ in range(count)]
     return _filled("long_holds", levels, [JUMP] * count, hold, on)
 
 
-def growing_cycles(chambers: tuple[int, ...] = (), cycle: float = 8.0, on: Layout = SOPRA) -> PlantManoeuvre:
+def growing_cycles(
+    chambers: tuple[int, ...] = (), cycle: float = 8.0, on: ChamberLayout = SOPRA
+) -> PlantManoeuvre:
     """Cycle a rested arm twice at each amplitude, growing; the first passage is seen once only."""
     chambers = chambers or (on.groups[0][0], on.groups[-1][0])
     mask = on.only(*chambers) * on.highest
@@ -123,14 +127,16 @@ def growing_cycles(chambers: tuple[int, ...] = (), cycle: float = 8.0, on: Layou
 
 
 def each_alone(
-    ramp: float = 4.0, hold: float = 2.0, highest: float | None = None, on: Layout = SOPRA
+    ramp: float = 4.0, hold: float = 2.0, highest: float | None = None, on: ChamberLayout = SOPRA
 ) -> PlantManoeuvre:
     """Fill and vent each chamber alone."""
     levels = [on.only(chamber) * (highest or on.highest) for chamber in range(on.chambers)]
     return _filled("each_alone", levels, [ramp] * len(levels), hold, on)
 
 
-def co_contraction(ramp: float = 6.0, highest: float | None = None, on: Layout = SOPRA) -> PlantManoeuvre:
+def co_contraction(
+    ramp: float = 6.0, highest: float | None = None, on: ChamberLayout = SOPRA
+) -> PlantManoeuvre:
     """Fill all chambers of a segment together, then of all; then bend on top of a common level."""
     highest = highest or 0.8 * on.highest
     each = [on.only(*group) for group in on.groups]
@@ -141,7 +147,7 @@ def co_contraction(ramp: float = 6.0, highest: float | None = None, on: Layout =
 
 
 def _filled(
-    name: str, levels: Sequence[Floats], ramps: Sequence[float], hold: float, on: Layout
+    name: str, levels: Sequence[Floats], ramps: Sequence[float], hold: float, on: ChamberLayout
 ) -> PlantManoeuvre:
     """Go to each level evenly, hold it, come back as fast, and stay vented as long."""
     points, times = [on.vented], [0.0]
@@ -151,7 +157,7 @@ def _filled(
     return path(name, np.array(points), np.array(times))
 
 
-def steps(rng: Random, count: int = 6, on: Layout = SOPRA) -> PlantManoeuvre:
+def steps(rng: Random, count: int = 6, on: ChamberLayout = SOPRA) -> PlantManoeuvre:
     """Jump to random poses and let go, so that the arm rings."""
     commands = []
     for _ in range(count):
@@ -160,7 +166,9 @@ def steps(rng: Random, count: int = 6, on: Layout = SOPRA) -> PlantManoeuvre:
     return PlantManoeuvre("steps", np.concatenate(commands))
 
 
-def staircase(rise: float = 1e3, hold: float = 1.5, top: float = 8e3, on: Layout = SOPRA) -> PlantManoeuvre:
+def staircase(
+    rise: float = 1e3, hold: float = 1.5, top: float = 8e3, on: ChamberLayout = SOPRA
+) -> PlantManoeuvre:
     """Raise each chamber in small steps from zero: what a valve's dead band hides."""
     levels = np.arange(0.0, top + rise, rise)
     commands = [
@@ -182,7 +190,7 @@ def pulled_steps(
     hold: float = 2.0,
     ways: tuple[tuple[float, float, float], ...] = directions(3),
     pressures: Floats | None = None,
-    on: Layout = SOPRA,
+    on: ChamberLayout = SOPRA,
 ) -> PlantManoeuvre:
     """Draw a section away in small steps of the gauge's stage, through slack, in several directions."""
     points = travel * np.repeat([*range(count), 0], 2)
@@ -193,14 +201,14 @@ def pulled_steps(
 
 
 def pulled_small_steps(
-    rng: Random, section: str | None = None, travel: float = 0.0065, on: Layout = SOPRA
+    rng: Random, section: str | None = None, travel: float = 0.0065, on: ChamberLayout = SOPRA
 ) -> PlantManoeuvre:
     """Draw a section away in a dozen small steps, in three random directions."""
     ways = directions(3, float(rng.uniform(0.0, 2.0 * np.pi)))
     return pulled_steps(section, count=12, travel=travel, hold=1.5, ways=ways, on=on)
 
 
-def pulled_ramps(on: Layout = SOPRA) -> PlantManoeuvre:
+def pulled_ramps(on: ChamberLayout = SOPRA) -> PlantManoeuvre:
     """Draw the tip 50 mm away and back evenly by the gauge's stage, in several directions."""
     there = np.linspace(0.0, 0.05, samples(10.0))
     return _pulls(
@@ -208,7 +216,7 @@ def pulled_ramps(on: Layout = SOPRA) -> PlantManoeuvre:
     )
 
 
-def plucked(on: Layout = SOPRA) -> PlantManoeuvre:
+def plucked(on: ChamberLayout = SOPRA) -> PlantManoeuvre:
     """Draw the tip 40 mm away as fast as the gauge's stage moves, and let go, so that the arm swings."""
     away = np.linspace(0.0, 0.04, samples(0.04 / STAGE_SPEED))
     stage = np.concatenate([away, np.full(samples(1.0), 0.04)])
@@ -221,7 +229,7 @@ def _pulls(
     stage: Floats,
     ways: tuple[tuple[float, float, float], ...],
     pressures: Floats | None,
-    on: Layout,
+    on: ChamberLayout,
     slack: float = 2.0,
 ) -> PlantManoeuvre:
     """Repeat one travel of the stage in several directions, some seconds free after each."""
@@ -236,7 +244,7 @@ def _pulls(
     return PlantManoeuvre(name, commands, pulls)
 
 
-def against_the_cord(rng: Random, on: Layout = SOPRA) -> PlantManoeuvre:
+def against_the_cord(rng: Random, on: ChamberLayout = SOPRA) -> PlantManoeuvre:
     """Ramp the pressures up and down while the cord holds the tip back on one side."""
     parts = []
     for direction in directions(3):
@@ -253,7 +261,7 @@ def _up_and_down() -> Floats:
     return np.concatenate([there, there[::-1], np.zeros(samples(2.0))])
 
 
-def pulled_taut(rng: Random, on: Layout = SOPRA) -> PlantManoeuvre:
+def pulled_taut(rng: Random, on: ChamberLayout = SOPRA) -> PlantManoeuvre:
     """Ramp up and down the chambers that bend the arm away from the gauge, from each chamber's side in turn.
 
     A second chamber of each segment is filled a little, so that the arm also moves across the cord.
@@ -261,14 +269,16 @@ def pulled_taut(rng: Random, on: Layout = SOPRA) -> PlantManoeuvre:
     return _away("pulled_taut", rng, _up_and_down(), 2 * samples(8.0), 0.35, on)
 
 
-def pulled_taut_steps(rng: Random, on: Layout = SOPRA) -> PlantManoeuvre:
+def pulled_taut_steps(rng: Random, on: ChamberLayout = SOPRA) -> PlantManoeuvre:
     """Fill the chambers that bend the arm away from the gauge in steps, each held, from each side in turn."""
     stairs = np.repeat(np.linspace(0.0, 1.0, 5)[1:], samples(2.0))
     ramp = np.concatenate([np.zeros(samples(1.0)), stairs, np.zeros(samples(3.0))])
     return _away("pulled_taut_steps", rng, ramp, samples(1.0) + len(stairs), 0.0, on)
 
 
-def _away(name: str, rng: Random, ramp: Floats, tied: int, across: float, on: Layout) -> PlantManoeuvre:
+def _away(
+    name: str, rng: Random, ramp: Floats, tied: int, across: float, on: ChamberLayout
+) -> PlantManoeuvre:
     """Pull away from the gauge from each chamber's side in turn, with a cord that is tied for some samples.
 
     Chambers beside those in line are filled by up to a share ``across``.
@@ -287,7 +297,7 @@ def _away(name: str, rng: Random, ramp: Floats, tied: int, across: float, on: La
     return chain(name, *parts)
 
 
-def _in_line(on: Layout, place: int) -> list[int]:
+def _in_line(on: ChamberLayout, place: int) -> list[int]:
     """Return the chamber at a place, counted around the axis, of each segment."""
     return [group[place % len(group)] for group in on.groups]
 
@@ -298,7 +308,7 @@ def taught(
     hold: float = 4.0,
     section: str | None = None,
     drawn: tuple[float, float] = (-0.018, 0.018),
-    on: Layout = SOPRA,
+    on: ChamberLayout = SOPRA,
 ) -> PlantManoeuvre:
     """Lead a section by hand to random poses, 60 mm to the sides at most, and hold each.
 
@@ -322,7 +332,7 @@ def taught(
     return PlantManoeuvre("taught", np.zeros((samples(2.0) + len(trail), on.chambers)), grips=(grip,))
 
 
-def _first(on: Layout) -> str:
+def _first(on: ChamberLayout) -> str:
     """Return the first section below the base.
 
     Raises:
@@ -333,7 +343,7 @@ def _first(on: Layout) -> str:
     return on.sections[0]
 
 
-LIBRARY: dict[str, Callable[[Random, Layout], PlantManoeuvre]] = {
+LIBRARY: dict[str, Callable[[Random, ChamberLayout], PlantManoeuvre]] = {
     "rest": lambda _, on: rest(on=on),
     "random_holds": lambda rng, on: random_holds(rng, on=on),
     "ramps": lambda rng, on: ramps(rng, on=on),
