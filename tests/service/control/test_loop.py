@@ -30,13 +30,13 @@ class Outlet:
     shape_wanted = False
 
     def __init__(self):
-        self.messages = []
+        self.messages, self.shapes = [], []
 
     def publish(self, stream, message):
         self.messages.append((stream, message))
 
     def publish_shape(self, nodes):
-        pass
+        self.shapes.append(nodes)
 
     def of(self, stream):
         return [message for name, message in self.messages if name == stream]
@@ -385,3 +385,16 @@ async def test_stored_readings_raise_no_live_alarm(arm):
     arm.instruments.status = (DeviceStatus("gauge", connected=False, error="cannot be reached"),)
     arm.step(10)
     assert arm.outlet.of("state")[-1].findings == ()
+
+
+def test_a_disk_that_does_not_answer_leaves_its_free_space_unknown(tmp_path):
+    def hangs_and_fails(path):
+        raise OSError(f"{path} is not answering")
+
+    watch = HostWatch(tmp_path / "not" / "made", hangs_and_fails)
+    watch.look()
+    assert watch.newest.free_bytes is None
+    asked = []
+    watch = HostWatch(tmp_path / "not" / "made", lambda path: asked.append(path) or 7)
+    watch.look()
+    assert (watch.newest.free_bytes, asked) == (7, [tmp_path])

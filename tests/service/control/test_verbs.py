@@ -532,3 +532,11 @@ async def test_one_recording_is_opened_at_a_time(bench):
     assert second.result().code == "busy"
     opened.set()
     assert (await first).applied == {"path": "run.mcap"}
+
+
+async def test_units_are_aligned_only_while_the_arm_hangs_vented(bench):
+    await bench.acquire()
+    assert (await bench.send("calibrate/rest")).applied == {"aligned": ["imu"]}
+    await bench.send("arm")
+    refused = await bench.send("calibrate/rest")
+    assert (refused.code, refused.hint) == ("wrong_mode", "disarm first")
