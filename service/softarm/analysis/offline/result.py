@@ -92,15 +92,15 @@ def residuals_by_unit(track: Track[State]) -> Iterator[Residuals]:
 def sensor_rows(track: Track[State]) -> list[Cells]:
     """Summarise what each sensor's readings keep over the estimate, beside the sensor's noise."""
     rows: list[Cells] = []
-    for residuals in residuals_by_unit(track):
-        valid = np.isfinite(residuals.values).all(axis=1)
+    for part in residuals_by_unit(track):
+        valid = np.isfinite(part.values).all(axis=1)
         rows.append(
             {
-                "sensor": residuals.sensor,
+                "sensor": part.sensor,
                 "samples": int(valid.sum()),
-                "residual_rms": float(np.sqrt((residuals.values[valid] ** 2).mean())) if valid.any() else None,
-                "noise": float(np.sqrt((residuals.noise**2).mean())),
-                "unit": residuals.unit,
+                "residual_rms": float(np.sqrt((part.values[valid] ** 2).mean())) if valid.any() else None,
+                "noise": float(np.sqrt((part.noise**2).mean())),
+                "unit": part.unit,
             }
         )
     return rows
