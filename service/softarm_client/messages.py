@@ -104,7 +104,9 @@ class State(Message):
     teach_reachable: bool | None = Field(
         default=None, description="Whether those pressures hold the pose within the sensors' noise."
     )
-    teach_note: str | None = Field(default=None, description="Whether the pose can be reached, and why not, in words.")
+    teach_note: str | None = Field(
+        default=None, description="Whether the pose can be reached, and why not, in words."
+    )
 
 
 class LoadEstimate(Message):

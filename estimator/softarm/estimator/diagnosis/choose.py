@@ -170,32 +170,36 @@ class Search:
             used = np.isfinite(residual) & ~session.heldout[:, None]
             weight = used / self.evidence.scale(self.weights, number)
             common = self.evidence.columns[number] * weight[..., None].astype(np.float32)
-            left = np.nan_to_num(residual) * weight
-            weighted.append(RecordingResidual(stage, left, weight, common.reshape(-1, self.evidence.size)))
-        seen = total(_searched(self.parts(fit)), self.evidence.size)
-        return MarginalisedProblem.of(weighted, self.prior, self.weights.effective_sample_fraction, seen)
+            whitened = np.nan_to_num(residual) * weight
+            weighted.append(
+                RecordingResidual(stage, whitened, weight, common.reshape(-1, self.evidence.size))
+            )
+        normal_equations = total(_searched(self.parts(fit)), self.evidence.size)
+        return MarginalisedProblem.of(
+            weighted, self.prior, self.weights.effective_sample_fraction, normal_equations
+        )
 
     def finalists(self, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]) -> list[Candidate]:
         """Fit hypotheses to what is left by those accepted already, the best first."""
         problem = self.problem(fit)
-        found = []
+        ranked_fits = []
         for number, _, theta in ranked:
             key = (number, *_key(fit))
             if key not in self.tried:
                 self.tried[key] = self.candidate(number, theta, problem, fit)
             candidate = self.tried[key]
             if candidate is not None:
-                found.append(candidate)
+                ranked_fits.append(candidate)
             self.advance(1.0)
-        found.sort(key=lambda candidate: -candidate.delta_bic)
-        least = max(LEAST_BIC, WORTH * found[0].delta_bic) if found else 0.0
-        likely = [one for one in found[:RESOLVED] if one.delta_bic > least]
+        ranked_fits.sort(key=lambda candidate: -candidate.delta_bic)
+        least = max(LEAST_BIC, WORTH * ranked_fits[0].delta_bic) if ranked_fits else 0.0
+        likely = [one for one in ranked_fits[:RESOLVED] if one.delta_bic > least]
         for index, one in enumerate(likely):
             key = (one.number, *_key(fit))
             if key not in self.settled:
                 self.settled.add(key)
-                found[index] = self.tried[key] = self.resolved(one, problem, fit)
-        return plainest_first(sorted(found, key=lambda candidate: -candidate.delta_bic))
+                ranked_fits[index] = self.tried[key] = self.resolved(one, problem, fit)
+        return plainest_first(sorted(ranked_fits, key=lambda candidate: -candidate.delta_bic))
 
     def candidate(
         self, number: int, theta: Floats, problem: MarginalisedProblem, accepted: Fit | None
@@ -245,11 +249,11 @@ class Search:
     @cached_property
     def bic_penalty(self) -> float:
         """What a parameter costs: the logarithm of the effective number of searched samples."""
-        seen = 0
+        samples = 0
         for stage, residual in zip(self.evidence.stages, self.evidence.residuals, strict=True):
             if not stage.session.nominal:
-                seen += int(np.isfinite(residual[~stage.session.heldout]).sum())
-        return float(np.log(max(seen * self.weights.effective_sample_fraction, 2.0)))
+                samples += int(np.isfinite(residual[~stage.session.heldout]).sum())
+        return float(np.log(max(samples * self.weights.effective_sample_fraction, 2.0)))
 
     def best(
         self, field: Sequence[Candidate], fit: Fit | None, null: Floats, accepted: Sequence[Accepted]
@@ -469,21 +473,21 @@ class Search:
         if len(needed) == len(accepted):
             return accepted, fit, frozenset()
         dropped = frozenset(accepted[k].candidate.number for k in range(len(accepted)) if k not in needed)
-        left = self.subset(fit, needed)
+        reduced = self.subset(fit, needed)
         kept = [accepted[k] for k in needed]
-        return kept, self.refit(left) if left is not None else None, dropped
+        return kept, self.refit(reduced) if reduced is not None else None, dropped
 
     def missed(self, fit: Fit, number: int) -> bool:
         """Return whether the others explain much less without an effect, as where a wall is hard."""
         others = self.subset(fit, [k for k in range(len(fit.thetas)) if k != number])
-        left = self.refit(others).gain if others is not None else 0.0
-        return fit.gain - left > LEAST_BIC + self.bic_penalty * len(fit.thetas[number])
+        remaining_gain = self.refit(others).gain if others is not None else 0.0
+        return fit.gain - remaining_gain > LEAST_BIC + self.bic_penalty * len(fit.thetas[number])
 
     def without(self, choice: ChosenEffects, dropped: Sequence[int]) -> ChosenEffects:
         """Take effects back, and fit the others again."""
         kept = [k for k in range(len(choice.accepted)) if k not in dropped]
-        left = self.subset(choice.fit, kept) if choice.fit is not None else None
-        fit = self.refit(left) if left is not None else None
+        reduced = self.subset(choice.fit, kept) if choice.fit is not None else None
+        fit = self.refit(reduced) if reduced is not None else None
         return replace(choice, accepted=tuple(choice.accepted[k] for k in kept), fit=fit)
 
     def subset(self, fit: Fit, kept: Sequence[int]) -> Fit | None:
@@ -493,11 +497,11 @@ class Search:
     def refit(self, fit: Fit) -> Fit:
         """Fit all accepted effects together, on the model itself where that is affordable."""
         problem = self.problem()
-        found = fit_effects(problem, fit.hypotheses, fit.thetas)
+        best = fit_effects(problem, fit.hypotheses, fit.thetas)
         if self.solvable(fit):
-            again = fit_effects(problem, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
-            found = max(found, again, key=lambda one: one.gain)
-        return self.conditioned(found)
+            again = fit_effects(problem, best.hypotheses, best.thetas, exact=True, iterations=EXACT_STEPS)
+            best = max(best, again, key=lambda one: one.gain)
+        return self.conditioned(best)
 
     def conditioned(self, fit: Fit) -> Fit:
         """Condition a fit on the natural frequency, where one was measured."""

@@ -205,8 +205,8 @@ def expected_gain(search: Search, fit: Fit, rest: Fit | None) -> float:
     """
 
     def change(stage: Stage) -> Floats:
-        known = 0.0 if rest is None else search.change(stage, rest)
-        added: Floats = search.change(stage, fit) - known
+        prior_change = 0.0 if rest is None else search.change(stage, rest)
+        added: Floats = search.change(stage, fit) - prior_change
         return added[..., None]
 
     parts = _confirming(search.parts(fit))
@@ -242,7 +242,7 @@ def findings_of(search: Search, choice: ChosenEffects) -> tuple[Finding, ...]:
     fit = choice.fit
     if fit is None:
         return ()
-    found: list[tuple[float, Finding]] = []
+    findings: list[tuple[float, Finding]] = []
     for index, accepted in enumerate(choice.accepted):
         others = [k for k in range(len(fit.hypotheses)) if k != index]
         rest = search.subset(fit, others)
@@ -250,8 +250,8 @@ def findings_of(search: Search, choice: ChosenEffects) -> tuple[Finding, ...]:
         gain = float(predictions.before.sum() - predictions.after.sum())
         learnt = learnt_coefficients(search, fit)
         errors = channel_errors(search, residuals_of(search, rest, learnt), residuals_of(search, fit, learnt))
-        found.append((gain, _finding(search, choice, accepted, index, predictions, errors)))
-    return tuple(finding for _, finding in sorted(found, key=lambda entry: -entry[0]))
+        findings.append((gain, _finding(search, choice, accepted, index, predictions, errors)))
+    return tuple(finding for _, finding in sorted(findings, key=lambda entry: -entry[0]))
 
 
 def unknown(
@@ -347,18 +347,18 @@ def _probable(search: Search, choice: ChosenEffects, index: int) -> tuple[dict[E
     rest = search.subset(fit, others)
     costs = [search.predicted(one, rest) for one in field]
     weights = probabilities(field, costs, search.bic_penalty, search.rng)
-    found: dict[Explanation, float] = {}
+    probable: dict[Explanation, float] = {}
     for one, weight in zip(field, weights.tolist(), strict=True):
         hypothesis = search.evidence.library.hypotheses[one.number]
         key = (hypothesis.name, hypothesis.place)
-        found[key] = found.get(key, 0.0) + weight
+        probable[key] = probable.get(key, 0.0) + weight
     own = choice.accepted[index].candidate
     acts = sum(
         weight
         for one, weight in zip(field, weights.tolist(), strict=True)
         if one.number == own.number or includes(one.fit, own.fit)
     )
-    return found, min(acts, 1.0)
+    return probable, min(acts, 1.0)
 
 
 def _rivals(

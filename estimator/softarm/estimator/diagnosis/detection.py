@@ -47,10 +47,10 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
         if direction.parameter < 0:
             continue
         effect = library.hypotheses[direction.hypothesis].effect
-        own = evidence.nuisances + column
+        column_index = evidence.nuisances + column
         least = required_gain(search.bic_penalty, len(effect.parameters), chance, marginal.count)
         spread = effect.parameters[direction.parameter].spread / direction.typical
-        size = limit(float(marginal.matrix[own, own]), least, spread) * direction.typical
+        size = limit(float(marginal.matrix[column_index, column_index]), least, spread) * direction.typical
         sizes.setdefault((direction.hypothesis, direction.parameter), []).append(size)
     return tuple(
         DetectionLimit(hypothesis.name, hypothesis.place, parameter.name, size, parameter.unit)

@@ -103,12 +103,12 @@ class ExactModel:
         columns = []
         for column in values.reshape(len(nodes), -1).T:
             known_nodes = np.isfinite(column)
-            known = (
+            nearest = (
                 np.interp(clock, nodes[known_nodes], column[known_nodes])
                 if known_nodes.any()
                 else np.zeros(len(clock))
             )
-            columns.append(known)
+            columns.append(nearest)
         return np.stack(columns, axis=-1).reshape(len(clock), *values.shape[1:])
 
     def _shaped(self, effects: Sequence[PlacedEffect], response: ArmResponse) -> Drive:

@@ -139,8 +139,8 @@ class Fit:
     def scaled_stds(self, number: int) -> Floats:
         """Give the same in units of the fit."""
         ends = np.cumsum([0, *(len(theta) for theta in self.thetas)])
-        own = slice(int(ends[number]), int(ends[number + 1]))
-        stds: Floats = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))[own]
+        columns = slice(int(ends[number]), int(ends[number + 1]))
+        stds: Floats = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))[columns]
         return stds
 
 
@@ -148,7 +148,7 @@ def fit_effects(
     problem: MarginalisedProblem,
     hypotheses: Sequence[Hypothesis],
     starts: Sequence[Floats],
-    free: int = 0,
+    searched: int = 0,
     *,
     exact: bool = False,
     iterations: int = ITERATIONS,
@@ -159,15 +159,15 @@ def fit_effects(
         problem: What is fitted to, with the common coefficients.
         hypotheses: The effects.
         starts: Parameters to begin with.
-        free: First effect whose parameters move; those before it stay.
+        searched: First effect whose parameters move; those before it stay.
         exact: Solve the model itself. Derivatives begin as those of its linearisation and follow what each
             step shows (Broyden 1965), for a strong effect changes them. Those of a contact are taken anew at
             each step: how hard it is shows in a twentieth of what it changes.
         iterations: Largest number of steps tried.
     """
-    parametrisation = Parametrisation.of(hypotheses[free:])
-    fixed = list(starts[:free])
-    values = parametrisation.units(np.concatenate([*starts[free:], np.zeros(0)]))
+    parametrisation = Parametrisation.of(hypotheses[searched:])
+    fixed = list(starts[:searched])
+    values = parametrisation.units(np.concatenate([*starts[searched:], np.zeros(0)]))
 
     def changed(at: Floats) -> list[Floats]:
         return whitened(problem, hypotheses, [*fixed, *parametrisation.split(at)], exact=exact)
@@ -176,7 +176,7 @@ def fit_effects(
     gain, damping, refused = _gain(problem, change), FIRST_DAMPING, 0
     answering = exact and any(h.effect.responds_to_own_effect for h in hypotheses)
     slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values, exact=answering)
-    if exact and not free and not answering:  # without amplitudes nothing changes
+    if exact and not searched and not answering:  # without amplitudes nothing changes
         _secant(slopes, np.where(parametrisation.amplitudes, values - parametrisation.centres, 0.0), change)
     for _ in range(iterations):
         matrix, pull = _normal(problem, slopes, change, parametrisation, values)

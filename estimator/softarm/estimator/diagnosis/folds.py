@@ -82,9 +82,9 @@ class Marginaliser:
     def squares(self, new: NewColumns, common: Floats, sizes: Floats) -> float:
         """Return the weighted squares that common coefficients and those of new columns leave."""
         data = self.data
-        left = data.sum_of_squares + common @ (data.matrix @ common - 2.0 * data.vector)
-        beside = sizes @ (new.matrix @ sizes + 2.0 * (common @ new.cross - new.vector))
-        return self.fraction * float(left + beside)
+        common_squares = data.sum_of_squares + common @ (data.matrix @ common - 2.0 * data.vector)
+        new_squares = sizes @ (new.matrix @ sizes + 2.0 * (common @ new.cross - new.vector))
+        return self.fraction * float(common_squares + new_squares)
 
     def combined(self, new: NewColumns, wanted: Combinations) -> NewColumns:
         """Return the products of combinations of new columns and the common ones."""
@@ -193,9 +193,9 @@ class Folds:
         first = columns.first(count)
         sizes = prior.posterior(whole.selected(range(count)), 1.0).mean
         common = self.whole.mean - self.whole.factor.solve(self.whole.fraction * first.whole.cross @ sizes)
-        known = (prior.distance(sizes) + self.whole.prior.distance(common)) / len(self.own)
+        prior_cost = (prior.distance(sizes) + self.whole.prior.distance(common)) / len(self.own)
         folds = zip(self.own, first.own, strict=True)
-        return np.array([own.squares(inside, common, sizes) + known for own, inside in folds])
+        return np.array([own.squares(inside, common, sizes) + prior_cost for own, inside in folds])
 
 
 @dataclass(frozen=True)

@@ -89,12 +89,12 @@ class Gaussian:
         vars(grown)["precision"] = block_diag(self.precision, np.eye(count) / variance)
         return grown
 
-    def with_first(self, known: "Gaussian") -> "Gaussian":
+    def with_first(self, first: "Gaussian") -> "Gaussian":
         """Replace the distribution of the first coefficients by an independent one."""
-        count = len(known.mean)
+        count = len(first.mean)
         mean, covariance = self.mean.copy(), self.covariance.copy()
         covariance[:count, count:], covariance[count:, :count] = 0.0, 0.0
-        mean[:count], covariance[:count, :count] = known.mean, known.covariance
+        mean[:count], covariance[:count, :count] = first.mean, first.covariance
         return Gaussian(mean, covariance)
 
     def inflate(self, spreads: Floats) -> "Gaussian":
@@ -153,8 +153,8 @@ class Marginal:
 
     def gain(self, columns: Sequence[int]) -> tuple[float, Floats]:
         """Give how much some extra coefficients lower the cost, and their values."""
-        own = np.ix_(list(columns), list(columns))
-        block = self.matrix[own]
+        submatrix = np.ix_(list(columns), list(columns))
+        block = self.matrix[submatrix]
         size = np.sqrt(np.maximum(np.diag(block), 1e-300))
         scaled = block / np.outer(size, size) + 1e-6 * np.eye(len(size))
         values = np.linalg.solve(scaled, self.vector[list(columns)] / size) / size

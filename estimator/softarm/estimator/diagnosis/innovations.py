@@ -88,17 +88,23 @@ def innovation_test(search: Search, residuals: Residuals) -> InnovationTest:
         search: The search.
         residuals: Of each session with all findings, shape (samples, rows).
     """
-    seen, unseen = (_standardised(search, residuals, reported=reported) for reported in (False, True))
-    kept = {name: value for name in unseen if (value := _mean([one**2 for one in unseen[name]])) > 0.0}
+    reported_errors, held_out_errors = (
+        _standardised(search, residuals, reported=reported) for reported in (False, True)
+    )
+    kept = {
+        name: value
+        for name in held_out_errors
+        if (value := _mean([one**2 for one in held_out_errors[name]])) > 0.0
+    }
     variance, correlation, chance = {}, {}, {}
     for name in kept:
-        process = Autoregression.fitted(seen.get(name, []))
-        innovations = [process.innovations(one) for one in unseen[name]]
+        process = Autoregression.fitted(reported_errors.get(name, []))
+        innovations = [process.innovations(one) for one in held_out_errors[name]]
         size = _mean([one**2 for one in innovations])
         if np.isfinite(size):
             variance[name] = size
             correlation[name], chance[name] = ljung_box(innovations)
-    alike = {name: ljung_box(unseen[name])[0] for name in kept}
+    alike = {name: ljung_box(held_out_errors[name])[0] for name in kept}
     return InnovationTest(variance, correlation, chance, kept, alike)
 
 

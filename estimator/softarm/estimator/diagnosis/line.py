@@ -26,19 +26,19 @@ def line_errors(sessions: Sequence[Session]) -> dict[str, float]:
 
 
 def _line_error(sessions: Sequence[Session], name: str) -> float | None:
-    known, asked = [], []
+    nominal, questioned = [], []
     for session in sessions:
         values = _readings(session, name)
         if values is None:
             continue
         rows = np.column_stack([session.pressures, np.ones(session.samples), values])
         observed = np.isfinite(rows).all(axis=1)
-        known.append(rows[observed & ~session.heldout])
+        nominal.append(rows[observed & ~session.heldout])
         if not session.nominal:
-            asked.append(rows[observed & session.reported])
-    if not asked or not len(np.concatenate(asked)) or not len(np.concatenate(known)):
+            questioned.append(rows[observed & session.reported])
+    if not questioned or not len(np.concatenate(questioned)) or not len(np.concatenate(nominal)):
         return None
-    learnt, reported = np.concatenate(known), np.concatenate(asked)
+    learnt, reported = np.concatenate(nominal), np.concatenate(questioned)
     scale = np.maximum(np.abs(learnt[:, :-1]).max(axis=0), 1e-12)
     line, *_ = np.linalg.lstsq(learnt[:, :-1] / scale, learnt[:, -1], rcond=1e-9)
     residual = reported[:, -1] - reported[:, :-1] / scale @ line

@@ -139,14 +139,14 @@ def _joined(
     prior: Gaussian, data: Total, parts: Sequence[tuple[Floats, Floats, Floats]]
 ) -> tuple[Gaussian, Total]:
     """Put cells beside the common columns; the prior mean of cells is zero."""
-    known = len(prior.mean)
+    count = len(prior.mean)
     cross, square, pull = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
-    size = known + len(pull)
+    size = count + len(pull)
     matrix, covariance = np.zeros((size, size)), np.zeros((size, size))
-    matrix[:known, :known], matrix[known:, known:] = data.matrix, square
-    matrix[:known, known:], matrix[known:, :known] = cross, cross.T
-    covariance[:known, :known] = prior.covariance
-    covariance[np.arange(known, size), np.arange(known, size)] = 1e-18
+    matrix[:count, :count], matrix[count:, count:] = data.matrix, square
+    matrix[:count, count:], matrix[count:, :count] = cross, cross.T
+    covariance[:count, :count] = prior.covariance
+    covariance[np.arange(count, size), np.arange(count, size)] = 1e-18
     joined = Gaussian(np.append(prior.mean, np.zeros(len(pull))), covariance)
     return joined, Total(data.count, matrix, np.append(data.vector, pull), data.sum_of_squares)
 

@@ -59,11 +59,11 @@ class NaturalFrequency:
         The unknowns are changes of the parameters in units of the fit; the residual is these changes,
         whitened, then that of the frequency.
         """
-        free = fit.covariance.shape[0]
+        size = fit.covariance.shape[0]
         sizes = [len(theta) for theta in fit.thetas]
-        fixed, before = np.split(np.concatenate(fit.thetas), [sum(sizes) - free])
-        parameters = Parametrisation.of(fit.hypotheses).parameters[-free:]
-        unfixed = Parametrisation(parameters, (free,))
+        fixed, before = np.split(np.concatenate(fit.thetas), [sum(sizes) - size])
+        parameters = Parametrisation.of(fit.hypotheses).parameters[-size:]
+        unfixed = Parametrisation(parameters, (size,))
         scale = unfixed.slopes(unfixed.units(before))
         values, vectors = np.linalg.eigh(fit.covariance + np.diag((ONE_POSE * before / scale) ** 2))
         whitener = vectors / np.sqrt(np.maximum(values, ROUNDING * values[-1]))
@@ -78,7 +78,7 @@ class NaturalFrequency:
         lower, upper = np.array([(p.lower, p.upper) for p in parameters]).T
         least, most = np.sort([(lower - before) / scale, (upper - before) / scale], axis=0)
         bounds = np.minimum(least, 0.0), np.maximum(most, 0.0)
-        solution = least_squares(residual, np.zeros(free), bounds=bounds, x_scale=np.sqrt(values.max()))
+        solution = least_squares(residual, np.zeros(size), bounds=bounds, x_scale=np.sqrt(values.max()))
         thetas = tuple(parts(solution.x))
         total = self.gain(self.predicted(fit.hypotheses, thetas)) - float(
             solution.fun[:-1] @ solution.fun[:-1]
@@ -89,16 +89,16 @@ class NaturalFrequency:
 
 def natural_frequency_of(stages: Sequence[Stage]) -> NaturalFrequency | None:
     """Compare the frequencies of recordings in question and nominal ones; ``None`` where either lack one."""
-    seen = {
+    frequencies = {
         nominal: [f for s in stages if (f := s.session.natural_frequency) and s.session.nominal == nominal]
         for nominal in (True, False)
     }
-    if not seen[True] or not seen[False]:
+    if not frequencies[True] or not frequencies[False]:
         return None
-    known, asked = float(np.median(seen[True])), float(np.median(seen[False]))
+    nominal_hz, questioned_hz = float(np.median(frequencies[True])), float(np.median(frequencies[False]))
     stage = next(stage for stage in stages if stage.session.nominal)
-    mass = 1.0 / (_compliance(stage) * (2.0 * np.pi * known) ** 2)
-    return NaturalFrequency(float(np.log(asked / known)), mass)
+    mass = 1.0 / (_compliance(stage) * (2.0 * np.pi * nominal_hz) ** 2)
+    return NaturalFrequency(float(np.log(questioned_hz / nominal_hz)), mass)
 
 
 def _compliance(stage: Stage) -> float:

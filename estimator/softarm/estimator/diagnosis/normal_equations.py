@@ -127,12 +127,12 @@ def with_columns(
     blocks: NDArray[np.int64],
 ) -> list[NewColumns]:
     """Multiply new columns, shape (samples, rows, new), in stretches of a session."""
-    found = []
+    extended = []
     for _, samples, present, precision in _weighted(parts, residual, scale, blocks):
         new = np.nan_to_num(more[samples]).reshape(-1, more.shape[-1])
         weighted = precision[:, None] * new
-        found.append(NewColumns(_pull(columns[samples], weighted), new.T @ weighted, weighted.T @ present))
-    return found
+        extended.append(NewColumns(_pull(columns[samples], weighted), new.T @ weighted, weighted.T @ present))
+    return extended
 
 
 def _weighted(

@@ -73,17 +73,17 @@ class Nuisances:
     def beyond_prior(self) -> tuple[str, ...]:
         """Sentences on values that leave what was known of them beforehand by ``BEYOND`` deviations."""
         away = (self.values - self.layout.means) / self.layout.spreads
-        found = []
+        beyond = []
         for unknown, value, deviations in zip(self.layout.unknowns, self.values, away, strict=True):
             if abs(deviations) > BEYOND:
                 size = f"{value:.4g} {unknown.unit} instead of {unknown.mean:.4g}"
                 if isinstance(unknown, Modulus):
                     size = f"{np.exp(value - unknown.mean):.3g} times what the specimen says"
-                found.append(
+                beyond.append(
                     f"The calibration found {unknown.name} at {size}, {abs(deviations):.1f} standard "
                     "deviations off the prior: the specimen or the recording is not the one that was named."
                 )
-        return tuple(found)
+        return tuple(beyond)
 
     def stage(self, model: Model, session: Session) -> Stage:
         """Return a session on the calibrated model; see ``build_stage``."""
@@ -147,10 +147,10 @@ def calibrate_sessions(model: Model, sessions: Sequence[Session]) -> Nuisances:
     # A model that cannot twist or lengthen further keeps its compliances, which stay open to first order.
     fixed = set() if hasattr(model.model, "with_compliances") else {n.name for n in _compliances(layout)}
     inside = np.array([name not in fixed for name in layout.names], dtype=bool)
-    seen = [session.thin(~session.heldout) for session in sessions if not session.heldout.all()]
+    fitted = [session.thin(~session.heldout) for session in sessions if not session.heldout.all()]
     segments = model.segments if inside[layout.of(SegmentCompliance)].any() else None
-    forward = Forward(model.model, layout.without(fixed), _nodes(seen, NODES), segments)
-    few = replace(forward, nodes=_nodes(seen, COARSE))
+    forward = Forward(model.model, layout.without(fixed), _nodes(fitted, NODES), segments)
+    few = replace(forward, nodes=_nodes(fitted, COARSE))
     start = forward.layout.means
     start = best_scaled(few, FACTORS, SCATTER) if model.fast else solvable(few, start, STIFFER)
     iterations = ITERATIONS if model.fast else SLOW_ITERATIONS

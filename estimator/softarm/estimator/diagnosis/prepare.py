@@ -56,9 +56,9 @@ def prepare(
         InputError: The recording does not fit the specimen, holds no motion, or a gauge was saturated.
     """
     notes: list[str] = []
-    known = _without_unknown_gauges(_without_unknown_markers(recording, specimen, notes), specimen, notes)
+    described = _without_unknown_gauges(_without_unknown_markers(recording, specimen, notes), specimen, notes)
     forces = section_forces(specimen)
-    run = arrange(_without_repeated_bends(known, specimen, notes), specimen, sections, forces)
+    run = arrange(_without_repeated_bends(described, specimen, notes), specimen, sections, forces)
     present = np.isfinite(run.pressures).all(axis=1) & np.isfinite(run.loads).all(axis=1)
     run = run.window(np.asarray(present))
     if len(run.time) < 2:
@@ -133,9 +133,9 @@ def blocks_of(time: Floats) -> Indices:
 
 
 def _without_unknown_markers(recording: Recording, specimen: Specimen, notes: list[str]) -> Recording:
-    known = {marker.name for marker in specimen.markers}
-    unknown = [name for name in recording.markers if name not in known and name != HOOK]
-    kept = [name for name in recording.markers if name in known]
+    described = {marker.name for marker in specimen.markers}
+    unknown = [name for name in recording.markers if name not in described and name != HOOK]
+    kept = [name for name in recording.markers if name in described]
     if unknown and not kept and not recording.frames and not recording.bends:
         listed = ", ".join(unknown)
         raise InputError(
@@ -186,11 +186,11 @@ def _without_unknown_gauges(recording: Recording, specimen: Specimen, notes: lis
     unknown = []
     for gauge in recording.gauges:
         try:
-            known = line and bool(gauged_section(recording, gauge, sections))
+            described = line and bool(gauged_section(recording, gauge, sections))
         except InputError:
-            known = False
+            described = False
         taut = float(np.nanmax(np.abs(recording.gauge(gauge)), initial=0.0)) > LEAST_PULL
-        if taut and not known:
+        if taut and not described:
             unknown.append(gauge)
             notes.append(
                 f"{recording.name}: gauge {gauge} pulls, but where and along which line is not known "

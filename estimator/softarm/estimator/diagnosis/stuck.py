@@ -62,19 +62,19 @@ def stuck_pressures(recording: Recording) -> tuple[Stuck, ...]:
     stuck = []
     time = recording.time - recording.time[0]
     for chamber in recording.chambers:
-        asked = recording.columns.get(f"pressure_cmd_{chamber}_pa")
-        given = recording.columns.get(f"pressure_{chamber}_pa")
-        if asked is None or given is None:
+        setpoint = recording.columns.get(f"pressure_cmd_{chamber}_pa")
+        measured = recording.columns.get(f"pressure_{chamber}_pa")
+        if setpoint is None or measured is None:
             continue
-        observed = np.flatnonzero(np.isfinite(asked) & np.isfinite(given))
-        for part in np.split(observed, np.flatnonzero(np.diff(given[observed]) != 0.0) + 1):
+        observed = np.flatnonzero(np.isfinite(setpoint) & np.isfinite(measured))
+        for part in np.split(observed, np.flatnonzero(np.diff(measured[observed]) != 0.0) + 1):
             if len(part) < 3 or time[part[-1]] - time[part[0]] < LEAST:
                 continue
             # A set-point that has just changed is not answered yet.
-            low, high = np.percentile(asked[part], [10.0, 90.0])
+            low, high = np.percentile(setpoint[part], [10.0, 90.0])
             if high - low < ASKED:
                 continue
-            error = float(np.sqrt(np.mean((asked[part] - given[part]) ** 2)))
+            error = float(np.sqrt(np.mean((setpoint[part] - measured[part]) ** 2)))
             span = float(time[part[0]]), float(time[part[-1]])
             stuck.append(
                 Stuck(recording.name, f"pressure_{chamber}", *span, error / RESOLUTION, 1.0, len(part))

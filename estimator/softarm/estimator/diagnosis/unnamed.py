@@ -129,12 +129,12 @@ class UnnamedLaw:
 
         Effects that leave no more than noise, and predict more than half of what the law does, stay.
         """
-        beside = self.joint_gain - self.gain
+        joint_change = self.joint_gain - self.gain
         sufficient = self.left <= 1.0 and self.named_gain > 0.5 * self.gain
         return (
             not sufficient
             and self.gain > max(CERTAIN, self.named_gain)
-            and beside < MATERIAL * self.joint_gain
+            and joint_change < MATERIAL * self.joint_gain
         )
 
     def tell(self) -> str:
@@ -177,10 +177,10 @@ class SmoothFunctions:
         points, weights = [], []
         for states, count in zip(zip(*map(scale.states, stages), strict=True), FEATURES, strict=True):
             every = np.concatenate(states)
-            known = every[np.linspace(0, len(every) - 1, min(POINTS, len(every))).astype(int)]
-            values, vectors = np.linalg.eigh(_covariance(known, known))
+            chosen = every[np.linspace(0, len(every) - 1, min(POINTS, len(every))).astype(int)]
+            values, vectors = np.linalg.eigh(_covariance(chosen, chosen))
             largest = slice(max(len(values) - count, 0), None)
-            points.append(known)
+            points.append(chosen)
             weights.append(vectors[:, largest] / np.sqrt(np.maximum(values[largest], 1e-9)))
         return replace(scale, points=tuple(points), weights=tuple(weights))
 
@@ -231,20 +231,20 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     nothing = _log_densities(shown.without(), shown.known, shown.known)
     densities = [_log_densities(shown.shown, shown.known, shown.changed), nothing]
     gain = joint_gain = 2.0 * float((densities[0] - nothing).sum())
-    named_gain, left = 0.0, np.inf
+    named_gain, remaining = 0.0, np.inf
     if fit is not None:
         price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
         joint = _with_effects(search, shown, fit)
         named = joint.selected([*range(len(shown.known.mean)), len(shown.changed.mean)])
         of_any_size = shown.known.augment(0.0, ANY_SIZE)
         effects = _log_densities(named, shown.known, of_any_size) - price
-        left = _squares_left(named, shown.known, of_any_size)
+        remaining = _squares_left(named, shown.known, of_any_size)
         both = _log_densities(joint, shown.known, shown.changed.augment(0.0, ANY_SIZE)) - price
         named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (effects, both))
         densities.append(effects)
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
     nearest = () if fit is None else tuple(hypothesis.name for hypothesis in fit.hypotheses)
-    return UnnamedLaw(gain, named_gain, joint_gain, left, probability, nearest, law.place, law.regime)
+    return UnnamedLaw(gain, named_gain, joint_gain, remaining, probability, nearest, law.place, law.regime)
 
 
 def unnamed_probability(search: Search, changed: float) -> float:
@@ -335,16 +335,16 @@ def laws(search: Search, *, smooth: bool) -> list[Law]:
     """List the laws for the recordings in question; see ``likeliest_law``."""
     stages = [stage for stage in search.evidence.stages if not stage.session.nominal]
     highest = max(1.0, *(float(stage.session.pressures.max(initial=0.0)) for stage in stages))
-    found = [Law(Place(), "", SmoothFunctions.of(stages).columns, STRAINS, compared=False)] if smooth else []
+    listed = [Law(Place(), "", SmoothFunctions.of(stages).columns, STRAINS, compared=False)] if smooth else []
     for index, segment in enumerate(stages[0].world.segments):
         largest = max(float(np.linalg.norm(_bends(stage)[:, index], axis=-1).max()) for stage in stages)
-        own = partial(by_bend, segment=index, knots=KNOTS * largest)
-        found.append(Law(Place(segment=segment), "pose", own, SHARES))
+        knotted = partial(by_bend, segment=index, knots=KNOTS * largest)
+        listed.append(Law(Place(segment=segment), "pose", knotted, SHARES))
     if stages[0].session.pressures.shape[1]:
         alone = partial(by_pressure, knots=KNOTS[1:] * highest)
         together = partial(by_neighbours, highest=highest)
-        found += [Law(Place(), "pressure level", one, SHARES) for one in (alone, together)]
-    return found
+        listed += [Law(Place(), "pressure level", one, SHARES) for one in (alone, together)]
+    return listed
 
 
 def by_bend(stage: Stage, segment: int, knots: Floats) -> Floats:
@@ -378,11 +378,11 @@ def by_neighbours(stage: Stage, highest: float) -> Floats:
     slopes = stage.input_jacobian[..., : pressures.shape[1]]
     columns = []
     for index in range(len(stage.world.segments)):
-        own = [c for c, segment in enumerate(stage.world.chamber_segment) if segment == index]
-        inside = pressures[:, own]
+        chambers = [c for c, segment in enumerate(stage.world.chamber_segment) if segment == index]
+        inside = pressures[:, chambers]
         together = inside * (inside.sum(axis=1, keepdims=True) - inside) / highest
         around = np.roll(inside, 1, axis=1) - np.roll(inside, -1, axis=1)
-        columns += [np.einsum("trc,tc->tr", slopes[..., own], change) for change in (together, around)]
+        columns += [np.einsum("trc,tc->tr", slopes[..., chambers], change) for change in (together, around)]
     return np.stack(columns, axis=-1)
 
 

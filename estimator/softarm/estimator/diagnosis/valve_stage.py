@@ -54,8 +54,8 @@ class Split:
         recording: Its name.
         valve: The law from the first part.
         time: Of the second part [s], shape (samples,).
-        asked: Set-points [Pa], shape (samples,).
-        given: Measured pressures [Pa], shape (samples,).
+        setpoint: Set-points [Pa], shape (samples,).
+        measured: Measured pressures [Pa], shape (samples,).
         predicted: What the law gives [Pa], shape (samples,).
         heldout: Samples that the law has not seen, shape (samples,).
     """
@@ -63,16 +63,19 @@ class Split:
     recording: str
     valve: Valve
     time: Floats
-    asked: Floats
-    given: Floats
+    setpoint: Floats
+    measured: Floats
     predicted: Floats
     heldout: NDArray[np.bool_]
 
     def errors(self) -> tuple[float, float]:
         """Give the root mean square on unseen samples of set-point and of law against pressure [Pa]."""
         heldout = self.heldout
-        asked, law = self.given[heldout] - self.asked[heldout], self.given[heldout] - self.predicted[heldout]
-        return float(np.sqrt(np.mean(asked**2))), float(np.sqrt(np.mean(law**2)))
+        setpoint, law = (
+            self.measured[heldout] - self.setpoint[heldout],
+            self.measured[heldout] - self.predicted[heldout],
+        )
+        return float(np.sqrt(np.mean(setpoint**2))), float(np.sqrt(np.mean(law**2)))
 
 
 def splits_of(recordings: Sequence[Recording]) -> list[Split]:
@@ -86,19 +89,19 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
         early = [_until(r, chamber, middle) for (r, _), middle in zip(chosen, middles, strict=True)]
         met = ceilings_of(early)
         for (recording, whole), half, middle in zip(chosen, early, middles, strict=True):
-            time, asked, given = recording.time, *_columns(recording, chamber)
-            if not np.isfinite(asked[time > middle] + given[time > middle]).any():
+            time, setpoint, measured = recording.time, *_columns(recording, chamber)
+            if not np.isfinite(setpoint[time > middle] + measured[time > middle]).any():
                 continue
             learnt = {valve.chamber: valve for valve in valves_of(half, met)}
-            observed = np.isfinite(asked) & np.isfinite(given)
+            observed = np.isfinite(setpoint) & np.isfinite(measured)
             splits.append(
                 Split(
                     recording.name,
                     whole,
                     time[observed],
-                    asked[observed],
-                    given[observed],
-                    predict(learnt.get(chamber, whole), time[observed], asked[observed]),
+                    setpoint[observed],
+                    measured[observed],
+                    predict(learnt.get(chamber, whole), time[observed], setpoint[observed]),
                     time[observed] > middle,
                 )
             )
@@ -112,15 +115,15 @@ def _columns(recording: Recording, chamber: int) -> tuple[Floats, Floats]:
 
 def _until(recording: Recording, chamber: int, end: float) -> Recording:
     """Cut out what one valve did before a time [s]."""
-    asked, given = _columns(recording, chamber)
-    columns = {f"pressure_cmd_{chamber}_pa": asked, f"pressure_{chamber}_pa": given}
+    setpoint, measured = _columns(recording, chamber)
+    columns = {f"pressure_cmd_{chamber}_pa": setpoint, f"pressure_{chamber}_pa": measured}
     return replace(recording, columns=columns).window(np.asarray(recording.time <= end))
 
 
 def _middle(recording: Recording, chamber: int) -> float:
     """Give the middle of the time in which a valve is open [s]."""
-    asked, _ = _columns(recording, chamber)
-    active = recording.time[np.nan_to_num(asked) > OPEN]
+    setpoint, _ = _columns(recording, chamber)
+    active = recording.time[np.nan_to_num(setpoint) > OPEN]
     return float(0.5 * (active[0] + active[-1]))
 
 
@@ -132,14 +135,14 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
     chambers = sorted({split.valve.chamber for split in suspects})
     for chamber in chambers:
         splits = [split for split in suspects if split.valve.chamber == chamber]
-        known = [split for split in nominal if split.valve.chamber == chamber]
+        of_chamber = [split for split in nominal if split.valve.chamber == chamber]
         evidence = _evidence(splits)
-        findings += _ceiling(chamber, splits, known, evidence)
-        if nominal and not known:
+        findings += _ceiling(chamber, splits, of_chamber, evidence)
+        if nominal and not of_chamber:
             continue
         if 2.0 * evidence.log_bayes_factor >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
-            findings += _steady(chamber, splits, known, scatter, evidence, len(chambers))
-            findings += _delays(chamber, splits, known, jitter, evidence, len(chambers))
+            findings += _steady(chamber, splits, of_chamber, scatter, evidence, len(chambers))
+            findings += _delays(chamber, splits, of_chamber, jitter, evidence, len(chambers))
     return tuple(findings)
 
 
@@ -156,9 +159,9 @@ def _scatter(
     squares, count = WORTH * prior**2, WORTH
     for group in groups:
         for chamber in {split.valve.chamber for split in group}:
-            own = np.array(measured([split for split in group if split.valve.chamber == chamber]))
-            squares += float(np.sum((own - own.mean()) ** 2)) if len(own) else 0.0
-            count += max(len(own) - 1, 0)
+            deviations = np.array(measured([split for split in group if split.valve.chamber == chamber]))
+            squares += float(np.sum((deviations - deviations.mean()) ** 2)) if len(deviations) else 0.0
+            count += max(len(deviations) - 1, 0)
     return float(np.sqrt(squares / count))
 
 
@@ -229,8 +232,8 @@ def valve_diagnosis(
                 f"pressure_{split.valve.chamber}",
                 "Pa",
                 split.time,
-                split.given,
-                split.asked,
+                split.measured,
+                split.setpoint,
                 split.predicted,
                 split.heldout,
             )
@@ -240,14 +243,14 @@ def valve_diagnosis(
 
 
 def _ceiling(
-    chamber: int, splits: Sequence[Split], known: Sequence[Split], evidence: Evidence
+    chamber: int, splits: Sequence[Split], references: Sequence[Split], evidence: Evidence
 ) -> list[Finding]:
     """Report a pressure that is not passed; a law learnt before it was met cannot be judged by it."""
     ceilings = [split.valve.ceiling for split in splits if np.isfinite(split.valve.ceiling)]
-    if not ceilings or any(np.isfinite(split.valve.ceiling) for split in known):
+    if not ceilings or any(np.isfinite(split.valve.ceiling) for split in references):
         return []
     ceiling = float(np.median(ceilings))
-    lost = max(float(split.asked.max()) for split in splits) - ceiling
+    lost = max(float(split.setpoint.max()) for split in splits) - ceiling
     if lost <= LEAST_LOSS:
         return []
     words = f"The pressure in chamber {chamber} stops at {1e-3 * ceiling:.1f} kPa, below its set-point."
@@ -259,14 +262,14 @@ def _ceiling(
 def _steady(
     chamber: int,
     splits: Sequence[Split],
-    known: Sequence[Split],
+    references: Sequence[Split],
     scatter: float,
     evidence: Evidence,
     valves: int,
 ) -> list[Finding]:
     """Report a steady error, or one that is new where there are nominal recordings."""
-    ours, theirs = _offsets(splits), _offsets(known)
-    if not ours or (known and not theirs):
+    ours, theirs = _offsets(splits), _offsets(references)
+    if not ours or (references and not theirs):
         return []
     offset = float(np.mean(ours))
     change = offset - (float(np.mean(theirs)) if theirs else 0.0)
@@ -297,14 +300,14 @@ def _delays(
     valves: int,
 ) -> list[Finding]:
     """Report a dead time and a lag, or what is new of them."""
-    splits, known = _timed(suspects), _timed(nominal)
-    if not splits or (nominal and not known):
+    splits, references = _timed(suspects), _timed(nominal)
+    if not splits or (nominal and not references):
         return []
     dead, lag = (float(np.mean(values)) for values in _times(splits))
-    dead_before, lag_before = (float(np.mean(values)) if known else 0.0 for values in _times(known))
+    dead_before, lag_before = (float(np.mean(values)) if references else 0.0 for values in _times(references))
     late, slower = dead - dead_before, lag - lag_before
-    spread = jitter * float(np.sqrt(1.0 / len(splits) + (1.0 / len(known) if known else 0.0)))
-    sure = _probability(late + slower, spread, len(splits) + len(known), valves)
+    spread = jitter * float(np.sqrt(1.0 / len(splits) + (1.0 / len(references) if references else 0.0)))
+    sure = _probability(late + slower, spread, len(splits) + len(references), valves)
     if late + slower <= LEAST_DELAY or sure < NAMED:
         return []
     deviation = max(spread, max(_jitter(split) for split in suspects))

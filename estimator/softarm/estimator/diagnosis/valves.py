@@ -79,8 +79,8 @@ def valves_of(recording: Recording, ceilings: Mapping[int, float]) -> tuple[Valv
         ceilings: Pressures that valves do not pass [Pa], of ``ceilings_of``, by their chambers.
     """
     return tuple(
-        _valve(chamber, time, asked, given, ceilings.get(chamber, float("inf")))
-        for chamber, time, asked, given in _opened(recording)
+        _valve(chamber, time, setpoint, measured, ceilings.get(chamber, float("inf")))
+        for chamber, time, setpoint, measured in _opened(recording)
     )
 
 
@@ -89,13 +89,13 @@ def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
     levels: dict[int, list[Floats]] = {}
     reached: dict[int, list[Floats]] = {}
     for recording in recordings:
-        for chamber, time, asked, given in _opened(recording):
-            level, pressure = _holds(time, asked, given)
+        for chamber, time, setpoint, measured in _opened(recording):
+            level, pressure = _holds(time, setpoint, measured)
             levels.setdefault(chamber, []).append(level)
             reached.setdefault(chamber, []).append(pressure)
     ceilings = {
-        chamber: _ceiling(np.concatenate(own), np.concatenate(reached[chamber]))
-        for chamber, own in levels.items()
+        chamber: _ceiling(np.concatenate(chamber_levels), np.concatenate(reached[chamber]))
+        for chamber, chamber_levels in levels.items()
     }
     return {chamber: ceiling for chamber, ceiling in ceilings.items() if np.isfinite(ceiling)}
 
@@ -103,56 +103,56 @@ def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
 def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]]:
     """Give chamber, time, set-points and pressures of each valve that was opened."""
     for chamber in recording.chambers:
-        asked = recording.columns.get(f"pressure_cmd_{chamber}_pa")
-        given = recording.columns.get(f"pressure_{chamber}_pa")
-        if asked is None or given is None:
+        setpoint = recording.columns.get(f"pressure_cmd_{chamber}_pa")
+        measured = recording.columns.get(f"pressure_{chamber}_pa")
+        if setpoint is None or measured is None:
             continue
-        observed = np.isfinite(asked) & np.isfinite(given)
-        if observed.sum() > 50 and float(asked[observed].max()) > OPEN:
-            yield chamber, recording.time[observed], asked[observed], given[observed]
+        observed = np.isfinite(setpoint) & np.isfinite(measured)
+        if observed.sum() > 50 and float(setpoint[observed].max()) > OPEN:
+            yield chamber, recording.time[observed], setpoint[observed], measured[observed]
 
 
-def predict(valve: Valve, time: Floats, asked: Floats) -> Floats:
+def predict(valve: Valve, time: Floats, setpoint: Floats) -> Floats:
     """Give the pressure that a valve's law predicts [Pa], shape (samples,)."""
-    late = np.interp(time - valve.dead_time, time, asked)
+    late = np.interp(time - valve.dead_time, time, setpoint)
     target = static(late, valve.bias, valve.gain, valve.deadband, valve.ceiling)
     return first_order(time, target, valve.lag, ())[0]
 
 
-def static(asked: Floats, bias: float, gain: float, deadband: float, ceiling: float) -> Floats:
+def static(setpoint: Floats, bias: float, gain: float, deadband: float, ceiling: float) -> Floats:
     """Give the settled pressure for a set-point [Pa]."""
-    target = np.minimum((1.0 + gain) * (asked - deadband) + bias, ceiling)
-    return np.where(asked > max(deadband, OPEN), np.maximum(target, 0.0), 0.0)
+    target = np.minimum((1.0 + gain) * (setpoint - deadband) + bias, ceiling)
+    return np.where(setpoint > max(deadband, OPEN), np.maximum(target, 0.0), 0.0)
 
 
-def _valve(chamber: int, time: Floats, asked: Floats, given: Floats, ceiling: float) -> Valve:
-    fitted = _static_law(*_holds(time, asked, given), ceiling)
+def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceiling: float) -> Valve:
+    fitted = _static_law(*_holds(time, setpoint, measured), ceiling)
     law = fitted or ValveLaw()
-    timed = bool(np.abs(np.interp(time + SUDDEN, time, asked) - asked).max() > LEAST_CHANGE)
-    dead_time, lag = _timing(time, asked, given, law) if timed else (0.0, 0.0)
-    noise = MAD_TO_STD * float(np.median(np.abs(np.diff(given)))) / np.sqrt(2.0)
-    rms = float(np.sqrt(np.mean((given - asked) ** 2)))
+    timed = bool(np.abs(np.interp(time + SUDDEN, time, setpoint) - setpoint).max() > LEAST_CHANGE)
+    dead_time, lag = _timing(time, setpoint, measured, law) if timed else (0.0, 0.0)
+    noise = MAD_TO_STD * float(np.median(np.abs(np.diff(measured)))) / np.sqrt(2.0)
+    rms = float(np.sqrt(np.mean((measured - setpoint) ** 2)))
     return Valve(chamber, dead_time, lag, timed, fitted is not None, *law, rms=rms, noise=noise)
 
 
-def _settled(time: Floats, asked: Floats) -> Flags:
+def _settled(time: Floats, setpoint: Floats) -> Flags:
     """Return where a set-point has been constant for ``SETTLED`` seconds, shape (samples,)."""
-    steps = np.abs(np.diff(asked, prepend=asked[0])) > 1.0
+    steps = np.abs(np.diff(setpoint, prepend=setpoint[0])) > 1.0
     last = np.maximum.accumulate(np.where(steps, time, time[0] - SETTLED))
     return np.asarray(time - last >= SETTLED)
 
 
-def _holds(time: Floats, asked: Floats, given: Floats) -> tuple[Floats, Floats]:
+def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Floats]:
     """Give the set-point and the pressure of each hold, shape (holds,)."""
-    holds = _settled(time, asked)
-    numbers = np.cumsum(np.abs(np.diff(asked, prepend=asked[0])) > 1.0)
+    holds = _settled(time, setpoint)
+    numbers = np.cumsum(np.abs(np.diff(setpoint, prepend=setpoint[0])) > 1.0)
     levels, reached = [], []
     for number in np.unique(numbers[holds]):
-        own = holds & (numbers == number)
-        if own.sum() >= 5 and float(time[own][-1] - time[own][0]) > 0.1:
-            late = own & (time > 0.5 * (time[own][0] + time[own][-1]))
-            levels.append(float(np.median(asked[late])))
-            reached.append(float(np.mean(given[late])))
+        hold = holds & (numbers == number)
+        if hold.sum() >= 5 and float(time[hold][-1] - time[hold][0]) > 0.1:
+            late = hold & (time > 0.5 * (time[hold][0] + time[hold][-1]))
+            levels.append(float(np.median(setpoint[late])))
+            reached.append(float(np.mean(measured[late])))
     return np.array(levels), np.array(reached)
 
 
@@ -192,19 +192,19 @@ def _ceiling(level: Floats, pressure: Floats) -> float:
     return highest if near.sum() >= 2 and np.ptp(level[near]) > 2e3 and missing.max() > 3e3 else float("inf")
 
 
-def _timing(time: Floats, asked: Floats, given: Floats, law: ValveLaw) -> tuple[float, float]:
+def _timing(time: Floats, setpoint: Floats, measured: Floats, law: ValveLaw) -> tuple[float, float]:
     """Find the dead time at the onsets of steps, then the lag that leaves least around changes."""
-    changing = np.abs(np.diff(asked, prepend=asked[0])) > 50.0
+    changing = np.abs(np.diff(setpoint, prepend=setpoint[0])) > 50.0
     since = np.maximum.accumulate(np.where(changing, time, time[0] - 10.0))
     near = time - since < 1.0
     if near.sum() < 20:
         return 0.0, 0.0
-    dead_time = _onset(time, asked, given)
-    late = np.interp(time - dead_time, time, asked)
+    dead_time = _onset(time, setpoint, measured)
+    late = np.interp(time - dead_time, time, setpoint)
     target = static(late, law.bias, law.gain, law.deadband, law.ceiling)
 
     def mean_square(lag: float) -> float:
-        return float(np.mean((given - first_order(time, target, lag, ())[0])[near] ** 2))
+        return float(np.mean((measured - first_order(time, target, lag, ())[0])[near] ** 2))
 
     best = int(np.argmin([mean_square(float(lag)) for lag in LAGS]))
     if best == len(LAGS) - 1:
@@ -213,15 +213,15 @@ def _timing(time: Floats, asked: Floats, given: Floats, law: ValveLaw) -> tuple[
     return dead_time, float(minimize_scalar(mean_square, bounds=bounds, method="bounded").x)
 
 
-def _onset(time: Floats, asked: Floats, given: Floats) -> float:
+def _onset(time: Floats, setpoint: Floats, measured: Floats) -> float:
     """Give the median time from a step of the set-point to the first 5 % of the pressure's answer [s]."""
     onsets = []
-    for k in np.flatnonzero(np.abs(np.diff(asked)) > STEP):
+    for k in np.flatnonzero(np.abs(np.diff(setpoint)) > STEP):
         end = int(np.searchsorted(time, time[k + 1] + 1.0))
-        if end - k < 10 or np.abs(np.diff(asked[k + 1 : end])).max(initial=0.0) > STEP:
+        if end - k < 10 or np.abs(np.diff(setpoint[k + 1 : end])).max(initial=0.0) > STEP:
             continue
-        answer = np.abs(given[k + 1 : end] - given[k])
-        moved = np.flatnonzero(answer > 0.05 * abs(asked[k + 1] - asked[k]))
+        answer = np.abs(measured[k + 1 : end] - measured[k])
+        moved = np.flatnonzero(answer > 0.05 * abs(setpoint[k + 1] - setpoint[k]))
         if len(moved) and moved[0] > 0:
             onsets.append(float(time[k + 1 + moved[0]] - time[k + 1]))
         elif len(moved):

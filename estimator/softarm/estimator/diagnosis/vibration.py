@@ -143,11 +143,11 @@ def _dynamics(stage: Stage, masses: Masses) -> StrainDynamics:
 
 def _vibrating(stage: Stage, dynamics: StrainDynamics, theta: Floats) -> VibratingArm:
     """Return the arm of a stage that vibrates as ``START`` lists it, but where a load holds it."""
-    known = stage.arm.baseline.converged
+    valid = stage.arm.baseline.converged
     factor = float(np.exp(theta[0]))
     heavy = replace(dynamics, mass=factor * dynamics.mass, rubber=factor * dynamics.rubber)
     damping = (float(theta[1]), float(theta[2]))
-    return VibratingArm(stage.session.clock, heavy, damping, float(theta[3]), known, known & ~_held(stage))
+    return VibratingArm(stage.session.clock, heavy, damping, float(theta[3]), valid, valid & ~_held(stage))
 
 
 def _still(stage: Stage) -> Floats:

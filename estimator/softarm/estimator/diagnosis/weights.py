@@ -21,13 +21,15 @@ class Weights:
     scale: Mapping[str, float]
     effective_sample_fraction: float
 
-    def bounded(self, known: "Weights", factor: float) -> "Weights":
+    def bounded(self, reference: "Weights", factor: float) -> "Weights":
         """Keep within a factor of the noise of recordings in which nothing is missing."""
         scale = {
-            name: min(value, factor * known.scale[name]) if name in known.scale else value
+            name: min(value, factor * reference.scale[name]) if name in reference.scale else value
             for name, value in self.scale.items()
         }
-        return Weights(scale, max(self.effective_sample_fraction, known.effective_sample_fraction / factor))
+        return Weights(
+            scale, max(self.effective_sample_fraction, reference.effective_sample_fraction / factor)
+        )
 
 
 def weights_of(

@@ -49,8 +49,8 @@ def possible(needs: Iterable[str], *, pneumatic: bool) -> list[str]:
         needs: Keys of ``EXCITATION``.
         pneumatic: Whether the arm has chambers.
     """
-    known = EXCITATION if pneumatic else WITHOUT_CHAMBERS
-    return [known[need] for need in sorted(needs) if need in known]
+    vocabulary = EXCITATION if pneumatic else WITHOUT_CHAMBERS
+    return [vocabulary[need] for need in sorted(needs) if need in vocabulary]
 
 
 def manoeuvre(one: EffectName, other: EffectName, *, pneumatic: bool = True) -> str:

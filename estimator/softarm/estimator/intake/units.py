@@ -175,18 +175,18 @@ def _acts(recording: Recording, specimen: Specimen, name: str, usual: float) -> 
     other = name.replace("pressure_", "pressure_cmd_") if "cmd" not in name else name.replace("cmd_", "")
     own, partner = recording.columns[name], recording.columns.get(other)
     if partner is not None and _span(partner) > usual / STRAYED:
-        seen = np.isfinite(own) & np.isfinite(partner)
-        if seen.sum() > 2 and float(np.corrcoef(own[seen], partner[seen])[0, 1]) > FOLLOWED:
+        both = np.isfinite(own) & np.isfinite(partner)
+        if both.sum() > 2 and float(np.corrcoef(own[both], partner[both])[0, 1]) > FOLLOWED:
             return True
     bends = _bends_or_places(recording, specimen)
     if bends is None:
         return False
     rest = [recording.pressure(k)[0] for k in recording.chambers if f"_{k}_pa" not in name]
     p = np.column_stack([np.ones(len(own)), *rest, own])
-    seen = np.isfinite(p).all(axis=1) & np.isfinite(bends).all(axis=1)
-    if seen.sum() < 20:
+    valid = np.isfinite(p).all(axis=1) & np.isfinite(bends).all(axis=1)
+    if valid.sum() < 20:
         return False
-    p, y = p[seen] / np.maximum(np.abs(p[seen]).max(axis=0), 1e-12), bends[seen]
+    p, y = p[valid] / np.maximum(np.abs(p[valid]).max(axis=0), 1e-12), bends[valid]
     without, beside = (
         float(((y - x @ np.linalg.lstsq(x, y, rcond=None)[0]) ** 2).sum()) for x in (p[:, :-1], p)
     )
