@@ -49,6 +49,7 @@ class ClockMap:
         delay_ns = host_ns - self._origin[1] - time_ns
         self._keep(time_ns, delay_ns)
         excess_ns = self.offset_ns + self.skew * time_ns - delay_ns
+        # No sample arrives before it was measured: the line is lowered until it lies under this arrival.
         if excess_ns > 0:
             self.offset_ns -= excess_ns
         return min(host_ns, self.to_host(device_ns))
@@ -87,6 +88,7 @@ class ClockMap:
             mean_ns = sum(time for time, _ in points) / len(points)
             start, end = _edge_under(_lower_hull(points), mean_ns)
             slope = (end[1] - start[1]) / (end[0] - start[0])
+            # Oscillators differ by less than this; a steeper line comes from delays.
             self.skew = slope if abs(slope) <= SKEW_LIMIT else 0.0
         self.offset_ns = min(delay - self.skew * time for time, delay in points)
 

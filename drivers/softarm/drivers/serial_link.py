@@ -93,6 +93,8 @@ class SerialLink:
             raise ConnectionLost(
                 self.device, f"accepts no commands: {error}", "check cable and power"
             ) from error
+        # The descriptor does not block, so a full buffer takes a part and the device would read half a
+        # command.
         if sent != len(data):
             raise ConnectionLost(self.device, "accepts no more commands", "check cable and power")
 

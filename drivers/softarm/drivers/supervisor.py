@@ -197,6 +197,7 @@ class Supervisor:
             began_ns, connections = self._clock(), self.health.connections
             error = await self._attempt()
             streamed = self.health.connections > connections
+            # A device that connects and fails at once must not be asked again at full rate.
             if streamed and self._clock() - began_ns > self.timing.stable_s * NANOSECONDS:
                 delays = self.backoff.delays(self._random)
             if not error.retried:
@@ -308,6 +309,7 @@ class Supervisor:
         self.error = self.health.last_error = error
         self.health.failures += 1
         self._failures_in_row += 1
+        # A device that is switched off for a day would fill the log with the same line.
         level = logging.WARNING if self._failures_in_row == 1 or not error.retried else logging.DEBUG
         logger.log(level, "%s%s", error, "; tries again" if error.retried else "")
         self._enter(ConnectionState.FAULT)

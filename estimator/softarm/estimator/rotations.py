@@ -76,6 +76,7 @@ def rotation_vector_kernel(quaternions: Floats, vectors: Floats) -> None:
     for i in range(len(quaternions)):
         q = quaternions[i]
         sine = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        # arctan2 keeps its accuracy near half a turn, where the arc cosine of w loses it.
         factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, q[0]) / sine
         for k in range(3):
             vectors[i, k] = factor * q[1 + k]
@@ -87,6 +88,8 @@ def jacobian_kernel(vectors: Floats, matrices: Floats) -> None:
     for i in range(vectors.shape[0]):
         v = vectors[i]
         square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        # The closed forms subtract numbers that are almost equal here; two terms of the series are exact
+        # enough.
         if square < 1e-6:
             b = 0.5 - square / 24.0
             c = 1.0 / 6.0 - square / 120.0

@@ -44,6 +44,7 @@ def correlation_length(values: Floats) -> float:
     size = 2 ** int(np.ceil(np.log2(2 * count)))
     spectrum = np.abs(np.fft.rfft(filled, size)) ** 2
     correlation = np.fft.irfft(spectrum)[: count // 2] / power
+    # Beyond the first zero the estimates are mostly noise, and their sum does not converge.
     ends = np.flatnonzero(correlation <= 0.0)
     end = int(ends[0]) if len(ends) else len(correlation)
     return float(min(1.0 + 2.0 * correlation[1:end].sum(), count / 2))

@@ -26,6 +26,7 @@ class Notifier:
 
     def __init__(self, address: str | None, clock: Callable[[], float] = time.monotonic) -> None:
         if address is not None and address.startswith("@"):
+            # systemd writes the leading zero byte of an abstract address as @.
             address = f"\0{address[1:]}"
         self._address = address
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM | socket.SOCK_NONBLOCK)

@@ -60,6 +60,7 @@ def _split(path: Path) -> tuple[dict[str, list[str]], list[str], int]:
     try:
         lines = path.read_text(encoding="utf-8-sig").splitlines()
     except UnicodeDecodeError:
+        # Exports from Windows may hold umlauts of an older code page; every byte is valid in this one.
         lines = path.read_text(encoding="latin-1").splitlines()
     header: dict[str, list[str]] = {}
     for number, line in enumerate(lines):
@@ -116,6 +117,7 @@ def _marker(name: str, block: Floats) -> dict[str, Floats]:
 
 def _body(name: str, block: Floats) -> dict[str, Floats]:
     """Parse a body's sixteen cells; a body without a rotation is lost."""
+    # The export lists a matrix column by column.
     matrices = block[:, 7:16].reshape(-1, 3, 3).swapaxes(1, 2)
     good = np.isfinite(block).all(axis=1) & (np.abs(np.linalg.det(np.nan_to_num(matrices)) - 1.0) < 0.01)
     pose = np.full((len(block), 7), np.nan)

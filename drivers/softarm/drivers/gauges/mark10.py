@@ -59,6 +59,7 @@ Mark10Reply = GaugeSample | Mark10Settings | Mark10Error
 
 def mark10_codec() -> LineCodec[Mark10Reply]:
     """Return a new parser of replies, polled or continuous."""
+    # A gauge that is polled sends whole replies, so the first line is complete.
     return LineCodec(parse_reply, LineParser(longest=160, discard_first=False))
 
 

@@ -67,6 +67,7 @@ class IndexTracker:
         """Return whether so many samples fit the time."""
         if self.period_ns is None or elapsed_ns <= SILENCE_NS:
             return True
+        # The counter may have wrapped any number of times meanwhile, so only the remainder is compared.
         error = (elapsed_ns / self.period_ns - passed + self.modulus / 2) % self.modulus - self.modulus / 2
         return abs(error) <= _SLACK
 

@@ -48,6 +48,7 @@ class WitRule:
         """Return 11 if a type follows, else 0."""
         if len(head) < 2:
             return None
+        # 0x55 is common within frames, too; the type that follows it rules most of those out.
         return FRAME_LENGTH if 0x50 <= head[1] <= 0x5A else 0
 
     def decode(self, frame: bytes) -> WitFrame | FrameFault:
@@ -112,6 +113,7 @@ def content_mask(kinds: set[int]) -> int:
 
 
 def _acceleration(words: tuple[int, int, int, int]) -> tuple[float, float, float]:
+    # The words are fractions of full scale: 16 g here, 1 in a quaternion, 180 degrees in angles.
     scale = 16 * 9.80665 / 32768
     return (words[0] * scale, words[1] * scale, words[2] * scale)
 

@@ -48,10 +48,12 @@ class XbusRule:
         if len(head) < 6:
             return None
         extended = int.from_bytes(head[4:6], "big")
+        # A shorter message has no need of the extended length: such bytes only look like a header.
         return 7 + extended if 255 <= extended <= _LONGEST else 0
 
     def decode(self, frame: bytes) -> ImuSample | XbusMessage | FrameFault:
         """Return the orientation or the message, or the fault that makes it none."""
+        # The checksum makes all bytes after the preamble sum to zero.
         if checksum8(frame[1:]):
             return FrameFault("checksum", f"the sum is {checksum8(frame[1:]):#04x} instead of 0")
         data = frame[6:-1] if frame[3] == 0xFF else frame[4:-1]
@@ -78,6 +80,7 @@ def _mt_data2(data: bytes) -> ImuSample | FrameFault:
     while at + 3 <= len(data):
         group, length = struct.unpack_from(">HB", data, at)
         at += 3 + length
+        # The low four bits of an identifier say how its data are coded, not what they are.
         groups[group & 0xFFF0] = data[at - length : at] + bytes([group & 0x0F])
     if at != len(data):
         return FrameFault("framing", "a group of MTData2 is longer than its message")

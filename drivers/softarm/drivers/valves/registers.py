@@ -216,4 +216,5 @@ def unsigned(count: int) -> int:
 
 def _pairs(words: Sequence[int]) -> tuple[int, ...]:
     pressures = signed_all(words)
+    # The first of the three words of a slot is its status or its command.
     return tuple(pressures[index] for index in range(len(pressures)) if index % 3)

@@ -159,10 +159,12 @@ class BankSession:
         self._alarms.expired(plan.expired, plan.setpoint is not None or not self._outputs.armed)
         self._health.events["set-point expired"] += plan.expired
         self._echo.attempted(plan.counts, self._clock())
+        # Until the answer comes nobody knows whether the terminal took the set-points.
         self._unknown = True
         asked_ns = self._clock()
         try:
             sample = await self._terminal.write(plan.counts, plan.acknowledge)
+        # A refusal is an answer: the terminal has not taken them.
         except ModbusExceptionError:
             self._unknown = False
             raise
@@ -229,6 +231,7 @@ class BankSession:
                 continue
             if echo is None or not any(echo):
                 break
+            # The echo follows a write by some passes of the terminal's own cycle.
             await asyncio.sleep(self._config.echo_lag_s / CLOSE_ATTEMPTS)
         else:
             what = f"could not be vented (watchdog: {self._watchdog.fact})"

@@ -25,6 +25,7 @@ async def read_watchdog(link: RegisterLink) -> WatchdogState:
     try:
         (milliseconds,) = await link.read(WATCHDOG, 1)
     except ModbusExceptionError as refusal:
+        # A terminal that is busy has said nothing of the register: its refusal ends the attempt.
         if refusal.busy:
             raise
         return WatchdogState(None, f"host side only: the terminal has no register {WATCHDOG}")

@@ -187,6 +187,7 @@ class Recorder:
         try:
             return run.opened.result(OPEN_S)
         except TimeoutError:
+            # The writer may still be waiting for the disk; it removes its file when it sees this.
             run.abandoned = True
             raise RecorderError(f"{self._directory}: the disk did not answer within {OPEN_S:g} s") from None
 
@@ -272,6 +273,7 @@ class Recorder:
             run.opened.set_result(path)
             ended_by_itself = self._write_items(writer, run)
             writer.finish()
+        # Only a file that is whole has the final name.
         part.rename(path)
         if ended_by_itself:
             raise RecorderError(f"{path.name} was ended: {ended_by_itself}; it is whole up to there")

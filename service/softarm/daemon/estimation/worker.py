@@ -252,6 +252,7 @@ class Worker(Generic[Request, Result]):
         if self._busy and now_s - since_s > allowed_s:
             what = "at one request" if child.ready else "being built"
             logger.warning("the estimator was %s for more than %g s; it is killed", what, allowed_s)
+            # Counted anew, or every tick until the process is gone would kill it and log again.
             self._sent_s = child.started_s = now_s
             child.process.kill()
 
@@ -275,8 +276,10 @@ class Worker(Generic[Request, Result]):
             daemon=True,
         )
         process.start()
+        # While this process holds them open, the end of the child would not close the pipe.
         theirs_in.close()
         theirs_out.close()
+        # A result may come in pieces; the loop must not wait for the rest of one.
         os.set_blocking(ours_in.fileno(), False)
         self._child = child = _Child(process, ours_out, ours_in, self._clock())
         self._busy = True
@@ -313,6 +316,7 @@ class Worker(Generic[Request, Result]):
         if child is not self._child:
             return
         self._detach()
+        # Its end of the pipe is closed, but a process that hangs in native code would never exit by itself.
         child.process.kill()
         threading.Thread(target=_end, args=(child.process,), name="softarm-reaper", daemon=True).start()
         now_s = self._clock()

@@ -103,6 +103,7 @@ class Bus:
                     self._session,
                     self.keys.stream(name),
                     cache=CacheConfig(max_samples=1),
+                    # A subscriber that does not keep up must not make the control loop wait.
                     congestion_control=zenoh.CongestionControl.DROP,
                     encoding=zenoh.Encoding(f"application/json;softarm.{name}/1"),
                 )
