@@ -20,7 +20,6 @@ class HeldLease:
     """A lease that a thread renews.
 
     Args:
-        token: Its token.
         ends_s: Monotonic time at which it runs out unless renewed [s].
         troubled: Whether the last renewal failed.
         reason: Why it was lost; empty while it is held.

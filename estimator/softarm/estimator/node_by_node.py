@@ -64,7 +64,6 @@ class NodeByNode(ModelWrapper):
     It implements ``BatchArmModel``; stiffness factors are the model's ``parameters``, where it has any.
 
     Args:
-        model: The model.
         advance: Called with 1 after each sample, from several threads.
     """
 

@@ -50,7 +50,6 @@ class WarmModel(BatchModelWrapper):
     """A model that begins at the responses of others; implements ``BatchArmModel``.
 
     Args:
-        model: The model.
         responses: Their responses; its own are added, and copies with other stiffness factors share them.
     """
 

@@ -39,7 +39,6 @@ class Frame:
     """A frame in its parent.
 
     Args:
-        name: Its name.
         position: Origin [m], shape (3,).
         quaternion: Orientation (w, x, y, z), shape (4,).
     """

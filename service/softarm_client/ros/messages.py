@@ -33,7 +33,6 @@ class Outgoing:
     Args:
         topic: Name below the arm's namespace, or absolute.
         type: Type of the message.
-        message: The message.
     """
 
     topic: str

@@ -48,7 +48,6 @@ class Endpoint:
 
     Args:
         name: Name of the device.
-        kind: Its kind.
         source: Address as the readings of a driver are to name it.
         host: Address of its TCP port; empty for a serial device.
         port: Its TCP port; 0 for a serial device.

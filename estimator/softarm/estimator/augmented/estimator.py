@@ -137,10 +137,8 @@ class AugmentedEstimator(Generic[State, Step]):
 
     Args:
         model: Model of the arm without them; its loads are the wrenches of its sections.
-        segments: Its segments.
         loads: The unknown loads.
         world: What the effects refer to.
-        effects: The effects.
         suite: The sensors.
         settings: What the estimator assumes.
     """

@@ -20,8 +20,6 @@ class Identified:
     """What is known of one unknown after the fit.
 
     Args:
-        unknown: The unknown.
-        value: Its value.
         std: Its standard deviation.
         share: That over what was known beforehand.
         verdict: Whether the data determine it.

@@ -72,7 +72,6 @@ class Layout:
     """The unknowns in order, and the linear combinations that are known beforehand.
 
     Args:
-        unknowns: The unknowns.
         settled: What holds of all that is not among them.
         combinations: Rows over all unknowns whose sums are known, shape (combinations, unknowns).
         combination_means: Known values, shape (combinations,).

@@ -28,7 +28,6 @@ class Hypothesis:
     """An effect at a place.
 
     Args:
-        effect: The effect.
         place: Where.
     """
 
@@ -71,7 +70,6 @@ class Library:
     """All hypotheses and their directions.
 
     Args:
-        hypotheses: The hypotheses.
         directions: The directions, those of one hypothesis and shape together.
     """
 

@@ -36,7 +36,6 @@ class Prepared:
     """A session at its native rate, and what was noticed on the way.
 
     Args:
-        session: The session.
         notes: Plain sentences.
     """
 

@@ -134,7 +134,6 @@ class Exposure:
 
     Args:
         variable: Name of the variable, such as ``pressure of chamber 2``.
-        unit: Its unit.
         channel: Channel whose residual is shown, the one that the finding improves most.
         channel_unit: Unit of the residual.
         values: The variable, shape (samples,).
@@ -368,8 +367,6 @@ class DetectionLimit:
         effect: Its name.
         where: Where it acts.
         parameter: Which of its amplitudes.
-        size: The size.
-        unit: Its unit.
     """
 
     effect: EffectName

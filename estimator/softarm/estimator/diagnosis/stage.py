@@ -93,7 +93,6 @@ class Stage:
     """A session on the calibrated model.
 
     Args:
-        session: The session.
         setting: Calibration.
         arm: The arm linearised along the calibrated drive.
         exact: The arm itself.

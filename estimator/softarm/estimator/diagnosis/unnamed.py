@@ -79,7 +79,6 @@ class LawEvidence:
     """What the recordings in question show of a law of some size.
 
     Args:
-        law: The law.
         known: The prior without a change: of what nominal recordings have of the law, where it is compared
             with these.
         changed: The prior with a change, whose coefficients are the last.

@@ -173,7 +173,6 @@ class Effect:
     Args:
         name: Name in the vocabulary.
         hook: Where it enters the model.
-        parameters: Its parameters.
         places: Gives the places where it may act.
         act: The effect itself, of signals, parameters, place and memory.
         statement: Plain sentence with the fields ``where`` and the parameters' names, in the forms of

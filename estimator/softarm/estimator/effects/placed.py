@@ -30,7 +30,6 @@ class PlacedEffect:
     """An effect at a place, with its parameters.
 
     Args:
-        effect: The effect.
         spot: Where it acts.
         theta: Its parameters, shape (parameters,).
     """

@@ -41,7 +41,6 @@ class ChosenManoeuvre:
     """A manoeuvre and what is expected of it.
 
     Args:
-        manoeuvre: The manoeuvre.
         separations: D^2 of each pair of rivals.
     """
 

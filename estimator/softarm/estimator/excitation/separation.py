@@ -46,7 +46,6 @@ class SeparatedArm:
 
     Args:
         arm: Its model.
-        segments: Its segments.
         world: What effects refer to.
         suite: Sensors.
         gravity: In the usual base frame [m/s2], shape (3,).

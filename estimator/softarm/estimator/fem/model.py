@@ -42,9 +42,7 @@ class FiniteElementStep:
     """The model linearised about a configuration; see ``softarm.estimator.model.Linearisation``.
 
     Args:
-        model: The model.
         displacement: Configuration [m], shape (nodes, 3).
-        inputs: Inputs.
         balance: Forces there.
         poses: Frames of the sections there.
         factor: Factor of the tangent, or of its positive definite stand-in; None when there is none.
@@ -129,7 +127,6 @@ class FiniteElementModel:
         mesh: Mesh at rest.
         body: Elements, fibres and chambers.
         frames: Section frames by name.
-        load_set: Loads.
         nodal_mass: Mass of each node [kg], shape (nodes,).
         scales: Factor on the stiffness of each of ``parameters``.
         force_resolution: Out-of-balance force that rounding alone makes [N]; less is not asked for.

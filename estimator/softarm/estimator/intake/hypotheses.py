@@ -31,7 +31,6 @@ class BestExplanation(Generic[What]):
     """The best explanation and the next.
 
     Args:
-        best: The best.
         second: The next; the best itself where there is no other.
         odds: Of the best against the next; infinite where there is no other.
     """

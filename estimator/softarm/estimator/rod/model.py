@@ -32,7 +32,6 @@ class RodStep:
     """The rod at the equilibrium under its inputs; see ``softarm.estimator.model.Linearisation``.
 
     Args:
-        inputs: Inputs.
         strain: Strains of the links, shape (links, 6).
         frames: Frames of the sections.
         motion: Section twists per unit of each pressure, then each load, shape (6 sections, inputs).

@@ -34,7 +34,6 @@ class StretchedStep(Generic[State, Step]):
     """The wrapped model's linearisation, with pressures that follow the stretch.
 
     Args:
-        model: The model.
         inputs: Pressures on unstretched chambers, loads, gravity.
         made_with: Stretches that the wrapped model's pressures were made with, shape (chambers,).
         step: The wrapped model's linearisation.

@@ -89,7 +89,6 @@ class CommandContext:
     Args:
         controller: Mode, lease and set-points.
         estimator_state: The newest estimate, the tare and the rest alignment.
-        recorder: The recorder.
         poses: Saved poses.
         attachments: Files kept in every recording.
         reconnect: Closes a device and connects it again.

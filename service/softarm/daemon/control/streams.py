@@ -32,7 +32,6 @@ class RecordedStreams:
     The time of a recording counts from its beginning.
 
     Args:
-        recorder: The recorder.
         sensors: Which channel is which measurement.
         valves: Name of the valve bank.
         base_body: Channel of the motion-capture body on the base, empty for none.

@@ -64,7 +64,6 @@ class Surroundings:
         outlet: Takes the streams.
         base_body: Channel of the pose of the base, empty for none.
         ready: Called once, as soon as the estimator has started or has given up.
-        clocks: The clocks.
         host: Returns the newest state of the host.
     """
 

@@ -60,7 +60,6 @@ class SolverSettings:
     """What the solver is built from; small and picklable.
 
     Args:
-        specimen: The specimen.
         sensors: Sensors in the order of the requests' readings, gauges left out.
         control: Model and the loads' process.
     """

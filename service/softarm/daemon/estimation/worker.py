@@ -133,7 +133,6 @@ class _Child:
     """One process with its pipes.
 
     Args:
-        process: The process.
         requests: Our end of the pipe to it.
         results: Our end of the pipe from it, which does not block.
         started_s: When it was started [s].

@@ -133,7 +133,6 @@ class ServiceHealth:
         valves: The valve bank.
         inputs: The streams of measurements.
         estimator: The estimator's process.
-        recorder: The recorder.
         overruns: Ticks skipped within the last second.
         devices: The instruments.
         uptime_s: Time since the loop began to run.

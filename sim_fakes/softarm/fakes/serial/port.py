@@ -31,7 +31,6 @@ class SerialPort:
     While no host has it open, bytes vanish as on a real line; a host that opens it starts with a clean one.
 
     Args:
-        instrument: The instrument.
         link: Path of the symbolic link to the terminal.
         state: Gives the latest snapshot of the arm.
         clock: The fakes' clock.

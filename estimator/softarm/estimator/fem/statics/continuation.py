@@ -68,7 +68,6 @@ class EquilibriumPath:
     """The walk along a straight path of inputs, step by step.
 
     Args:
-        body: The body.
         balancer: Evaluates its forces.
         origin: Inputs at fraction 0.
         target: Inputs at fraction 1.

@@ -114,7 +114,6 @@ class TrackingStep:
     Args:
         tracking: The model.
         state: Configuration.
-        inputs: Inputs.
         balance: Forces there, without tangent.
         poses: Frames of the sections there.
         tangent: The factor; None where the configuration is invalid.
@@ -220,7 +219,6 @@ class TrackingModel(ModelWrapper):
     contracts the residual by less than ``contraction`` or leaves the body out of balance for long.
 
     Args:
-        model: The model.
         background: Factors in the background, started and stopped by the caller; None for no background.
         contraction: Residual after a step over the forces it was to balance, from which on the factor is
             renewed.
