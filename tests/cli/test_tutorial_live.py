@@ -159,7 +159,8 @@ def test_an_own_arm_is_served_watched_and_taught(folder: Path) -> None:
                 pass  # it prints a force
             for step, typed in ((SAVE, "\n\n"), (GOTO, "")):
                 taught = done(step, folder, typed)
-                assert (taught.returncode, shows(step, taught.stdout + taught.stderr)) == (0, True)
+                assert taught.returncode == 0, taught.stderr
+                assert shows(step, taught.stdout + taught.stderr), taught.stdout
             for process in (service, fakes):
                 process.send_signal(signal.SIGINT)
                 process.communicate(timeout=PATIENCE_S)

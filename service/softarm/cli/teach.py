@@ -99,5 +99,7 @@ def goto(
 
 
 def _row(name: str, pose: Pose) -> dict[str, Cell]:
-    pressures: dict[str, Cell] = {f"chamber_{k}_kpa": 1e-3 * p for k, p in enumerate(pose.pressures_pa)}
+    pressures: dict[str, Cell] = {
+        f"chamber_{k}_kpa": round(1e-3 * p, 3) for k, p in enumerate(pose.pressures_pa)
+    }
     return {"pose": name, "reachable": pose.reachable, **pressures, "note": pose.note or None}
