@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from softarm_client.errors import SetupError
+
 PREFIX = "softarm/@v1"
 """The leading ``@`` makes the version chunk verbatim: ``**`` never crosses API versions."""
 
@@ -12,13 +14,18 @@ class ArmKeys:
 
     Args:
         arm: The arm's name.
+
+    Raises:
+        SetupError: The name cannot be part of a key.
     """
 
     arm: str
 
     def __post_init__(self) -> None:
         if not self.arm or set(self.arm) & set("/*$#?@ "):
-            raise ValueError(f"arm name {self.arm!r}: use letters, digits, '-' and '_'")
+            raise SetupError(
+                "arm", f"{self.arm!r} cannot be the name of an arm", "use letters, digits, - and _"
+            )
 
     @property
     def base(self) -> str:

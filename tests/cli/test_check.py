@@ -12,7 +12,7 @@ from matplotlib.patches import Polygon
 
 from softarm.analysis.plots.specimen import draw_specimen
 from softarm.cli import run
-from tests.sim_fakes.arms import three_chambers
+from tests.sim_fakes.arms import of_a_mesh_file, three_chambers
 
 
 def test_a_specimen_is_listed_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -53,6 +53,21 @@ def test_a_file_that_is_wrong_is_refused_by_field(
     told = capsys.readouterr().err
     assert "wrong.toml" in told
     assert named in told
+
+
+def test_a_mesh_file_that_cannot_be_used_is_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    of_a_mesh_file(tmp_path)
+    clamped = (
+        (tmp_path / "arm.toml").read_text().replace('path = "arm.vtu"', 'path = "arm.vtu"\nclamp = "flange"')
+    )
+    (tmp_path / "clamped.toml").write_text(clamped)
+    assert run(["check", str(tmp_path / "clamped.toml")]) == 2
+    assert "flange" in capsys.readouterr().err
+    (tmp_path / "arm.vtu").unlink()
+    assert run(["check", str(tmp_path / "arm.toml")]) == 2
+    assert "arm.vtu" in capsys.readouterr().err
 
 
 def test_a_folder_is_refused_with_the_command_that_reads_it(

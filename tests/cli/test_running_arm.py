@@ -49,6 +49,13 @@ def test_an_estimator_that_is_being_built_is_not_called_missing(served):
     assert "see the findings" in status_tables("test", state, None)[0].notes[0]
 
 
+def test_a_name_that_no_arm_can_have_is_wrong_use(capsys):
+    assert run(["status", "--arm", "my arm"]) == 2
+    assert capsys.readouterr().err == (
+        "softarm: arm: 'my arm' cannot be the name of an arm; use letters, digits, - and _\n"
+    )
+
+
 def test_positions_are_rounded_to_micrometres(served):
     with Arm("test", served.endpoint) as arm:
         state = arm.state()

@@ -9,6 +9,7 @@ from softarm.cli.output import PATH, json_option, say, show
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import Setup, load_config
 from softarm.estimator.errors import InputError
+from softarm.estimator.geometry import DEFAULTS, build_mesh
 from softarm.estimator.specimen import Specimen, load_specimen
 
 Row = dict[str, Cell]
@@ -36,6 +37,7 @@ def command(file: str, plot: Path | None, as_json: bool) -> int:
     else:
         specimen = load_specimen(file)
         tables = specimen_tables(specimen)
+    build_mesh(specimen, DEFAULTS.get(specimen.geometry.kind))  # names what a mesh file lacks
     show(*tables, as_json=as_json)
     if plot is not None:
         draw(specimen, plot)
