@@ -7,7 +7,7 @@ from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis.detection import by_effect, limit, required_gain
 from softarm.estimator.diagnosis.diagnose import diagnose
 from softarm.estimator.diagnosis.judge import CERTAIN
-from softarm.estimator.diagnosis.result import Diagnosis
+from softarm.estimator.diagnosis.result import DetectionLimit, Diagnosis
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import model, trial
 
@@ -65,3 +65,9 @@ def test_the_page_states_the_place_where_an_effect_is_hardest_to_see(unchanged: 
     (shown,) = (one for one in by_effect(unchanged.detection_limits) if one.effect == "chamber_gain")
     assert len(set(gains)) >= 6
     assert shown.size == max(gains)
+
+
+def test_the_page_lists_lengths_and_angles_of_one_effect_apart() -> None:
+    angle = DetectionLimit("sensor_bias", Place(sensor="bend_tip"), "bias_x", 0.004, "rad")
+    length = DetectionLimit("sensor_bias", Place(sensor="marker_tip1"), "bias_x", 0.002, "m")
+    assert by_effect([angle, length]) == [angle, length]

@@ -53,10 +53,10 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
         size = limit(float(marginal.matrix[column_index, column_index]), least, spread) * direction.typical
         sizes.setdefault((direction.hypothesis, direction.parameter), []).append(size)
     return tuple(
-        DetectionLimit(hypothesis.name, hypothesis.place, parameter.name, size, parameter.unit)
+        DetectionLimit(hypothesis.name, place, parameter.name, size, hypothesis.effect.unit(parameter, place))
         for (number, index), own_sizes in sizes.items()
         for hypothesis in (library.hypotheses[number],)
-        for parameter in (hypothesis.effect.parameters[index],)
+        for place, parameter in ((hypothesis.place, hypothesis.effect.parameters[index]),)
         for size in (float(np.median(own_sizes)),)
         if size <= max(abs(parameter.lower), abs(parameter.upper))
     )
@@ -94,10 +94,10 @@ def limit(information: float, gain: float, spread: float) -> float:
 
 
 def by_effect(limits: Sequence[DetectionLimit]) -> list[DetectionLimit]:
-    """Keep the largest limit of each amplitude: beyond it the effect is found wherever it acts."""
-    largest: dict[tuple[str, str], DetectionLimit] = {}
+    """Keep the largest limit of each amplitude and unit: beyond it the effect is found wherever it acts."""
+    largest: dict[tuple[str, str, str], DetectionLimit] = {}
     for one in limits:
-        key = (one.effect, one.parameter)
+        key = (one.effect, one.parameter, one.unit)
         if key not in largest or one.size > largest[key].size:
             largest[key] = one
     return list(largest.values())
