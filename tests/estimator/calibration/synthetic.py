@@ -4,6 +4,7 @@ import numpy as np
 from toy import toy
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.calibration import section_forces
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import to_quaternions
 from softarm.estimator.sensing import Registration
@@ -79,7 +80,7 @@ def record(
     time, pressures = staircase(duration, rate, chambers, seed)
     model = toy().with_scales(SCALES)
     late = np.column_stack([np.interp(time - lag, time, column) for column in pressures.T])
-    frames = model.batch(late * GAINS, np.tile(model.scales, (len(time), 1)))
+    frames = model.batch(late * GAINS, np.tile(model.scales, (len(time), 1)), np.zeros((len(time), 0)))
     make = SpecimenSensors(specimen, model.sections, Registration())
     columns = {f"pressure_{k}_pa": pressures[:, k] + rng.normal(0, 100, len(time)) for k in chambers}
     if "bend" in kinds:
@@ -97,3 +98,26 @@ def record(
             for i, name in enumerate(names)
         }
     return Recording("toy", time, columns, {"specimen": "sopra"})
+
+
+def record_pulls(stiffer: tuple[float, ...], seconds: float, seed: int = 3) -> Recording:
+    """Record the vented toy arm, pulled along x at the tip to another force every two seconds.
+
+    Each pull begins slack, and meets an arm that is stiffer by a factor of its own.
+    """
+    rng = np.random.default_rng(seed)
+    specimen = true_specimen()
+    time = np.arange(0, len(stiffer) * seconds, 0.05)
+    steps = (time // HOLD).astype(int)
+    force = np.where(time % seconds < HOLD, 0.0, rng.uniform(0.1, 1.0, steps.max() + 1)[steps])
+    loads = section_forces(specimen)
+    pulls = np.array([load.name == "tip_x" for load in loads]) * force[:, None]
+    scales = np.array(stiffer)[(time // seconds).astype(int)][:, None] * list(SCALES.values())
+    model = toy(loads)
+    frames = model.batch(np.zeros((len(time), 6)), scales, pulls)
+    make = SpecimenSensors(specimen, model.sections, Registration())
+    columns = {f"pressure_{k}_pa": rng.normal(0, 100, len(time)) for k in range(6)} | {"gauge_tip_n": force}
+    for section in ("intermediate", "tip"):
+        angles = make.bend(section).predict(frames) + rng.normal(0, 1e-3, (len(time), 2))
+        columns |= {f"bend_{section}_{axis}_rad": angles[:, i] for i, axis in enumerate("xy")}
+    return Recording("pulls", time, columns, {"specimen": "sopra", "gauge_direction": [1.0, 0.0, 0.0]})

@@ -4,10 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from synthetic import GAINS, SCALES, record, true_specimen
+from synthetic import GAINS, SCALES, record, record_pulls, true_specimen
 from toy import toy
 
 from softarm.estimator.calibration import (
+    Calibrated,
     CalibrationRefusedError,
     CalibrationRun,
     Options,
@@ -15,6 +16,7 @@ from softarm.estimator.calibration import (
     calibrate,
     calibrated_specimen,
     check_drift,
+    section_forces,
 )
 from softarm.estimator.calibration.fit import fit, left_out
 from softarm.estimator.calibration.forward import Forward
@@ -59,6 +61,26 @@ def test_finds_moduli_gains_and_axes_wherever_they_point(sopra: Specimen, mirror
         )
     assert after.recordings == ("toy",)
     assert all(found.check.held_out[name] < 0.05 * found.check.before[name] for name in found.check.held_out)
+
+
+def calibrated_by_pulls(sopra: Specimen, *recordings: Recording) -> Calibrated:
+    loads = section_forces(sopra)
+    runs = [arrange(one, sopra, SECTIONS, loads) for one in recordings]
+    return calibrate(NodeByNode(toy(loads)), sopra, runs, QUICK)
+
+
+def test_the_moduli_rest_on_every_pull(sopra: Specimen) -> None:
+    """The fit that is checked sees alternate recordings; what it gives out has seen all of them."""
+    pulls = (record_pulls((stiffer,), 9.5) for stiffer in (1.0, 1.06))
+    after = calibrated_specimen(sopra, calibrated_by_pulls(sopra, *pulls, record(9.5, noise=1e-3)))
+    for name, scale in SCALES.items():
+        assert after.calibration.scale(name) == pytest.approx(1.03 * scale, rel=0.015)
+
+
+def test_forces_are_judged_by_pulls_that_the_fit_has_not_seen(sopra: Specimen) -> None:
+    """Of two unlike pulls, blocks that are held out err by half of the difference, an unseen pull by all."""
+    found = calibrated_by_pulls(sopra, record_pulls((1.0, 1.1), 60.0), record(20.0, noise=1e-3))
+    assert found.force_ratio["vented pulls on tip"] == pytest.approx(2.0, rel=0.25)
 
 
 def test_held_out_blocks_are_predicted_as_well_as_by_a_line_with_more_parameters(sopra: Specimen) -> None:

@@ -1,5 +1,7 @@
 """The force ratio is 1 where readings err as told, and what they err together shows in it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.calibration.force_ratio import force_ratios
 from softarm.estimator.calibration.forward import NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
+from softarm.estimator.calibration.pulled_moduli import by_pull
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
@@ -80,3 +83,15 @@ def test_nodes_at_which_the_arm_moves_count_little() -> None:
 def test_nothing_is_told_without_pulls_or_readings() -> None:
     assert ratios(noise(), pulls_on(1, (0.0, 0.0, 0.0))) == {}
     assert ratios(np.full((NODES, 6), np.nan), pulls_on(1, (0.3, 0.0, 0.0))) == {}
+
+
+def test_a_pull_is_one_block_from_slack_to_slack() -> None:
+    tension = np.array([0.0, 0.1, 0.3, 0.5, 0.01, 0.2, 0.4, 0.0])
+    pulls = tension[:, None] * np.eye(6)[3]
+    time, readings = np.arange(8.0), np.tile([1.0, 0.0, 0.0, 0.0], (8, 2))
+    pressures, blocks = np.zeros((8, 2)), np.array([0, 0, 0, 0, 1, 1, 1, 1])
+    run = CalibrationRun("run", time, pressures, ("measured",) * 2, SUITE, readings, pulls, NAMES)
+    nodes = Nodes(run, time, pressures, readings, pulls, np.ones(8), blocks)
+    np.testing.assert_array_equal(by_pull(nodes).blocks, [0, 1, 1, 1, 1, 2, 2, 2])
+    free = replace(nodes, run=replace(run, loads=np.zeros((8, 6))))
+    np.testing.assert_array_equal(by_pull(free).blocks, blocks)

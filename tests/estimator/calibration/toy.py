@@ -16,7 +16,7 @@ from softarm.estimator.rotations import exp
 AZIMUTHS = np.arange(3) * 2 * np.pi / 3
 PUSH = -2e-5 * np.array([np.cos(AZIMUTHS), np.sin(AZIMUTHS)])  # rad per Pa at a stiffness of one
 LENGTH = 0.14
-
+PULL = 0.3  # rad per N on a section below, likewise
 
 STEP = 1e-6
 
@@ -35,7 +35,9 @@ class ToyStep:
         return 0.0
 
     def response(self, rows: Floats) -> tuple[Floats, Floats]:
-        moved = self.model.batch(self.inputs.pressures + np.eye(6), np.tile(self.model.scales, (6, 1)))
+        count = 6 + len(self.model.loads)
+        inputs = np.concatenate([self.inputs.pressures, self.inputs.loads]) + np.eye(count)
+        moved = self.model.batch(inputs[:, :6], np.tile(self.model.scales, (count, 1)), inputs[:, 6:])
         return np.zeros(len(rows)), rows @ twists(self.frames, moved).T
 
     def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -44,7 +46,8 @@ class ToyStep:
 
     def parameter_response(self, rows: Floats) -> Floats:
         scales = self.model.scales + STEP * np.eye(2)
-        moved = self.model.batch(np.tile(self.inputs.pressures, (2, 1)), scales)
+        pressures, loads = (np.tile(part, (2, 1)) for part in (self.inputs.pressures, self.inputs.loads))
+        moved = self.model.batch(pressures, scales, loads)
         return rows @ twists(self.frames, moved).T / STEP
 
 
@@ -58,10 +61,10 @@ def twists(one: Frames, others: Frames) -> Floats:
 @dataclass(frozen=True)
 class ToyModel:
     scales: Floats
+    loads: tuple[Load, ...] = ()
 
     sections = ("base", "intermediate", "tip")
     chambers = 6
-    loads: tuple[Load, ...] = ()
     parameters = ("upper", "lower")
 
     def with_scales(self, scales: Mapping[str, float]) -> "ToyModel":
@@ -84,17 +87,22 @@ class ToyModel:
         return None, bool(np.isfinite(inputs.pressures).all())
 
     def frames(self, inputs: Inputs) -> Frames:
-        found = self.batch(inputs.pressures[None], self.scales[None])
+        found = self.batch(inputs.pressures[None], self.scales[None], inputs.loads[None])
         return Frames(found.positions[0], found.rotations[0])
 
-    def batch(self, pressures: Floats, scales: Floats) -> Frames:
-        """Give frames for many pressures, shape (samples, 6), and stiffness factors, shape (samples, 2)."""
+    def batch(self, pressures: Floats, scales: Floats, loads: Floats) -> Frames:
+        """Give frames for many pressures, shape (samples, 6), factors, shape (samples, 2), and loads."""
         samples = len(pressures)
         positions, rotations = np.zeros((samples, 3, 3)), np.zeros((samples, 3, 3, 3))
         rotations[:, 0] = np.eye(3)
         for k in range(2):
             # Gravity pulls a bend straight, which tells stiffness from the gain of the pressures.
-            bend = pressures[:, 3 * k : 3 * k + 3] @ PUSH.T / (scales[:, k, None] + 0.3)
+            pulls = [
+                load.direction[:2] if load.section in self.sections[k + 1 :] else (0, 0)
+                for load in self.loads
+            ]
+            push = pressures[:, 3 * k : 3 * k + 3] @ PUSH.T + PULL * loads @ np.reshape(pulls, (-1, 2))
+            bend = push / (scales[:, k, None] + 0.3)
             axis = np.column_stack([-bend[:, 1], bend[:, 0], np.zeros(samples)])
             above = rotations[:, k]
             reach = above @ exp(0.5 * axis) @ np.array([0.0, 0.0, LENGTH])
@@ -103,5 +111,5 @@ class ToyModel:
         return Frames(positions, rotations)
 
 
-def toy() -> ToyModel:
-    return ToyModel(np.ones(2))
+def toy(loads: tuple[Load, ...] = ()) -> ToyModel:
+    return ToyModel(np.ones(2), loads)

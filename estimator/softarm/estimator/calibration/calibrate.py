@@ -21,7 +21,7 @@ from softarm.estimator.calibration.nodes import (
     training_blocks,
 )
 from softarm.estimator.calibration.outcome import Calibrated, Check
-from softarm.estimator.calibration.pulled_moduli import FEWEST_PULLS, moduli_from_pulls
+from softarm.estimator.calibration.pulled_moduli import FEWEST_PULLS, by_pull, moduli_from_pulls
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.regression import estimate_lag, fit_line
 from softarm.estimator.calibration.scatter import rms, scatter_by_condition
@@ -109,20 +109,26 @@ def calibrate(
     forward = replace(forward, layout=pulled.near(known_before))
     trained, layout = _fit_determined(forward, known_before, start, before, train, options)
     _require_excitation(layout)
-    everything = replace(forward, layout=layout)
     nearest = nearest_states(
         trained.evaluations, _parts(nodes, train), _subset(before, unseen), _parts(nodes, unseen)
     )
-    held_out = _part(everything, unseen).evaluate(trained.values, nearest)
+    held_out = _part(replace(forward, layout=layout), unseen).evaluate(trained.values, nearest)
     old = before if np.array_equal(first, prior_means) else ()
     check = _check(old, trained.evaluations, held_out, nodes, train)
     _require_improvement(check)
     near = joined(before, trained.evaluations, held_out, train)
-    final = fit(everything, trained.values, iterations=options.iterations, evaluations=near)
+    every = tuple(np.ones(len(run_nodes.time), dtype=bool) for run_nodes in nodes)
+    pulled = moduli_from_pulls(replace(forward, layout=known_before), pulled.values, near, every)
+    layout = pulled.near(known_before).without(set(known_before.names) - set(layout.names))
+    everything = replace(forward, layout=layout)
+    start = with_bends_kept(specimen, layout, trained.values, pulled.moved(layout, trained.values))
+    final = fit(everything, start, iterations=options.iterations, evaluations=near)
     _require_convergence(final, layout)
     covariance = pulled.widened(layout, final.covariance)
     scatter = scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train))
     dropped = [p for p in forward.layout.unknowns if p.name not in layout.names]
+    without_pull = left_out(replace(everything, nodes=tuple(map(by_pull, nodes))), final)
+    ratios = force_ratios(layout.setting(final.values), without_pull, nodes, scatter)
     return Calibrated(
         identified=(
             *map(fitted, identify(_known_of(known_before, layout), final.values, covariance)),
@@ -136,7 +142,7 @@ def calibrate(
         nodes=sum(len(run_nodes.time) for run_nodes in nodes),
         recordings=tuple(run.name for run in runs),
         scatter=scatter,
-        force_ratio=force_ratios(layout.setting(final.values), left_out(everything, final), nodes, scatter),
+        force_ratio=ratios | pulled.force_ratios(scatter),
     )
 
 

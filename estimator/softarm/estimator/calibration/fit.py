@@ -175,7 +175,7 @@ def fit(
 
 
 def left_out(forward: Forward, solution: CalibrationFit) -> tuple[NodePredictions, ...]:
-    """Return the predictions of each block of ten seconds by the fit to all others, per run.
+    """Return the predictions of each block by the fit to all others, per run.
 
     To first order about the fit to all: without the normal equations N_b and the gradient g_b of a block, the
     fit moves by (N - N_b)^-1 (g - g_b).

@@ -58,7 +58,7 @@ class Calibrated:
         scatter: Root mean square of measured minus predicted, by sensor and quantity [m or rad], where no fit
             had seen it.
         force_ratio: Error over deviation of the forces that follow from the readings at known pulls, each
-            block of ten seconds by the fit to all others; by condition.
+            pull by the fit to all others; by condition.
     """
 
     identified: tuple[Identified, ...]

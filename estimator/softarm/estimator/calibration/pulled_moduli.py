@@ -11,7 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
-from softarm.estimator.calibration.fit import fit
+from softarm.estimator.calibration.fit import CalibrationFit, fit, left_out
+from softarm.estimator.calibration.force_ratio import force_ratios
 from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.layout import Layout
 from softarm.estimator.calibration.nodes import Nodes
@@ -31,10 +32,12 @@ class PulledModuli:
     Args:
         values: Values of all unknowns; those that pulls do not identify are as they were, shape (unknowns,).
         spreads: Standard deviation of each modulus; none where there were too few pulls.
+        fitted: The pulls as they were fitted, each a block of its own, and the fit.
     """
 
     values: Floats
     spreads: Mapping[str, float]
+    fitted: tuple[Forward, CalibrationFit] | None = None
 
     def near(self, layout: Layout) -> Layout:
         """Hold the moduli near to those of the pulls."""
@@ -46,6 +49,19 @@ class PulledModuli:
                 for p in layout.unknowns
             ),
         )
+
+    def moved(self, layout: Layout, values: Floats) -> Floats:
+        """Return values of a layout that was held near them, with these moduli, shape (unknowns,)."""
+        pulled = np.array([name in self.spreads for name in layout.names])
+        return np.where(pulled, layout.means, values)
+
+    def force_ratios(self, scatter: Mapping[str, float]) -> dict[str, float]:
+        """Judge the forces that are estimated at each pull by the fit to all others; see ``force_ratios``."""
+        if self.fitted is None:
+            return {}
+        forward, solution = self.fitted
+        unseen = left_out(forward, solution)
+        return force_ratios(forward.layout.setting(solution.values), unseen, forward.nodes, scatter)
 
     def widened(self, layout: Layout, covariance: Floats) -> Floats:
         """Return a covariance in which the moduli are no better known than from the pulls."""
@@ -67,7 +83,7 @@ def moduli_from_pulls(
         train: Which nodes of each run it may see.
     """
     pulled = [flags & _vented_pulls(node_set) for node_set, flags in zip(forward.nodes, train, strict=True)]
-    part = tuple(node_set.keep(f) for node_set, f in zip(forward.nodes, pulled, strict=True) if f.any())
+    part = tuple(by_pull(node_set).keep(f) for node_set, f in zip(forward.nodes, pulled, strict=True) if f.any())
     near = tuple(node_set.keep(f) for node_set, f in zip(before, pulled, strict=True) if f.any())
     if sum(len(nodes.time) for nodes in part) <= FEWEST_PULLS:
         return PulledModuli(start, {})
@@ -80,7 +96,20 @@ def moduli_from_pulls(
     values[inside] = solution.values
     deviations = np.sqrt(np.diag(solution.covariance)).tolist()
     moduli = zip(layout.unknowns, deviations, strict=True)
-    return PulledModuli(values, {p.name: deviation for p, deviation in moduli if isinstance(p, Modulus)})
+    spreads = {p.name: deviation for p, deviation in moduli if isinstance(p, Modulus)}
+    return PulledModuli(values, spreads, (pulls, solution))
+
+
+def by_pull(nodes: Nodes) -> Nodes:
+    """Make one block of each pull, from slack to slack, so that it is left out as a whole.
+
+    What the arm remembers of a pull is in all its nodes: those beside a node know its error beforehand.
+    """
+    if not nodes.run.pulled:
+        return nodes
+    taut = np.asarray((np.abs(nodes.loads) > LEAST_PULL).any(axis=1))
+    begins = np.diff(taut.astype(np.int64), prepend=0) > 0
+    return replace(nodes, blocks=np.cumsum(begins.astype(np.int64)))
 
 
 def _vented_pulls(nodes: Nodes) -> Flags:

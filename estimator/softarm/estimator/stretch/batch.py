@@ -71,7 +71,7 @@ class StretchedBatch(BatchModelWrapper):
         return move, following
 
     def _followed(self, inner: ArmResponse, move: Floats, following: Floats) -> ArmResponse:
-        twists = move.reshape(len(move), -1, 6)
+        twists = move.reshape(len(move), move.shape[1] // 6, 6)  # -1 is not known of no samples
         positions = inner.frames.positions + twists[..., :3]
         frames = Frames(positions, exp(twists[..., 3:]) @ inner.frames.rotations)
         input_jacobian = following @ inner.input_jacobian
