@@ -9,6 +9,7 @@ from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.live import LiveRig
+from softarm_client.results import Hold
 
 CORD_M = 0.30
 HIGHEST_PA = 45e3
@@ -153,33 +154,33 @@ def force_live(rig: LiveRig) -> tuple[Recording, Recording]:
 def teach_live(rig: LiveRig, seed: int) -> tuple[Recording, ...]:
     """Show poses by hand, let the service hold each, and look.
 
-    The recording notes when the looks at shown and held poses ended [s], ``looks``, and whether the service
-    took each pose for reachable, ``reachable``.
+    The recording notes when the looks at shown and held poses ended [s], ``looks``, whether the service took
+    each pose for reachable, ``reachable``, and what it said of how near pressures come, ``limits``.
     """
     rng = np.random.default_rng(seed)
     shown: list[float] = []
     held: list[float] = []
-    reachable: list[bool] = []
+    holds: list[Hold] = []
     with rig.recording("teach") as paths:
         rig.wait(0.5)
         rest = rig.position("tip")
         for _ in range(TAUGHT):
             goal = rest + rng.uniform((-REACH_M, -REACH_M, 0.0), (REACH_M, REACH_M, DRAWN_M))
-            begin, end, can = _show_and_hold(rig, rest, goal)
+            begin, end, hold = _show_and_hold(rig, rest, goal)
             shown.append(begin)
             held.append(end)
-            reachable.append(can)
+            holds.append(hold)
             rig.advance()
     recording = rig.load(paths[0])
-    info = {**recording.info, "looks": [shown, held], "reachable": reachable}
-    return (replace(recording, info=info),)
+    told = {"reachable": [hold.reachable for hold in holds], "limits": [hold.note for hold in holds]}
+    return (replace(recording, info={**recording.info, "looks": [shown, held], **told}),)
 
 
-def _show_and_hold(rig: LiveRig, rest: Floats, goal: Floats) -> tuple[float, float, bool]:
+def _show_and_hold(rig: LiveRig, rest: Floats, goal: Floats) -> tuple[float, float, Hold]:
     """Show one pose, let the service hold it, and let go.
 
     Returns:
-        Ends of the looks at the shown and the held pose [s], and whether it was told reachable.
+        Ends of the looks at the shown and the held pose [s], and the service's answer.
 
     Raises:
         WorkFailedError: The hold ended by itself.
@@ -200,4 +201,4 @@ def _show_and_hold(rig: LiveRig, rest: Floats, goal: Floats) -> tuple[float, flo
         raise WorkFailedError(f"the hold ended by itself ({mode}); see the service's log")
     rig.disarm()
     rig.wait(1.5)
-    return shown, held, hold.reachable
+    return shown, held, hold

@@ -166,7 +166,8 @@ def _forced(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedR
         result.series[f"force {condition}"] = series_of(done)
 
 
-def _taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:
+def judge_taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:
+    """Compare the tip while poses were shown and while they were held, as ``teach_live`` recorded it."""
     recording = recordings[0]
     posed = pose_of(arrange(recording, specimen), "tip")
     looks = np.array(recording.info["looks"]).reshape(2, -1)
@@ -174,6 +175,7 @@ def _taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedR
     valid = np.isfinite(shown).all(axis=1) & np.isfinite(held).all(axis=1)
     shown, held = shown[valid], held[valid]
     millimetres, degrees = misses(shown, held)
+    told = list(zip(recording.info["limits"], recording.info["reachable"], strict=True))
     reachable = np.array(recording.info["reachable"], dtype=bool)[valid]
     result.add("teach", miss_rows("held with feedback", millimetres, degrees))
     if reachable.any() and not reachable.all():
@@ -183,6 +185,9 @@ def _taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedR
     lost = f", {int((~valid).sum())} left out: not seen while shown or held" if not valid.all() else ""
     counted = f"{len(held)} poses; the service called {int(reachable.sum())} of them reachable"
     result.notes.append(f"{counted} to within the sensors' noise{lost}.")
+    far = [f"{k}: {note}" for k, (note, can) in enumerate(told, 1) if not can]
+    if far:
+        result.notes.append(f"Of the poses, {' '.join(far)}")
 
 
 def _pose_before(run: CalibrationRun, end: float) -> Floats:
@@ -200,5 +205,5 @@ _RUNS: Mapping[str, Callable[[LiveRig, int], tuple[Recording, ...]]] = {
 _JUDGES: Mapping[str, Callable[[Specimen, tuple[Recording, ...], SeedResult], None]] = {
     "validate": _validated,
     "force": _forced,
-    "teach": _taught,
+    "teach": judge_taught,
 }

@@ -63,18 +63,21 @@ class TeachResult:
         return near
 
     def rows(self, hand: str, which: Flags | None = None) -> list[Cells]:
-        """Summarise each attempt, beside the paper.
+        """Summarise each attempt, beside the paper and the mean distance of the nearest poses within reach.
 
         Args:
             hand: What the hand did.
             which: Poses that count, shape (poses,); all when left out.
         """
         taken = np.ones(len(self.beyond), dtype=bool) if which is None else which
+        found = self.beyond[taken & np.isfinite(self.beyond).all(axis=1)]
+        nearest = found.mean(axis=0).tolist() if len(found) else (None, None)
         rows: list[Cells] = []
         for attempt, (millimetres, degrees) in enumerate(zip(self.millimetres, self.degrees, strict=True)):
             label = "pressures of the model" if attempt == 0 else f"after {attempt} corrections by feedback"
             missed = miss_rows(label, millimetres[taken], degrees[taken]) if taken.any() else []
-            rows += [{"hand": hand, **row} for row in missed]
+            for row, distance in zip(missed, nearest, strict=False):
+                rows.append({"hand": hand, **row, "nearest_in_reach": distance})
         return rows
 
     def joined(self, other: "TeachResult") -> "TeachResult":

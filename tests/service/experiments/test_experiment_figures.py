@@ -1,5 +1,7 @@
 """Figures of errors, holds, leave-one-out and pulls: what the experiments' tables rest on."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -13,9 +15,11 @@ from softarm.experiments.figures import beside, error_figures, inside, without_u
 from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.leave_one_out import without_each
 from softarm.experiments.live import HookPlace, with_hooks
+from softarm.experiments.live_tables import judge_taught
 from softarm.experiments.paper import FORCE_N, TEACH_MM
 from softarm.experiments.pulls import GaugePull, at_looks, look_windows, pull_of, rested
 from softarm.experiments.recorded import holds_table
+from softarm.experiments.seed import SeedResult
 from softarm.experiments.subsets import subset
 from softarm.experiments.teaching import TeachResult, out_of_reach, still_windows
 
@@ -237,9 +241,23 @@ def test_poses_out_of_reach_are_told_apart() -> None:
     assert (first["poses"], first["mean"], first["aim_met"]) == (2, pytest.approx(1.5), True)
     assert (last["run"], last["mean"]) == ("after 1 corrections by feedback", pytest.approx(1.0))
     assert result.rows("all")[0]["mean"] == pytest.approx(4.5)
+    assert [row["nearest_in_reach"] for row in (first, *result.rows("all")[:2])] == pytest.approx(
+        [1.0, 8.0 / 3.0, 1.4 / 3.0]  # [mm, mm, degrees]
+    )
     assert not TeachResult(missed[:, 3:], missed[:, 3:], beyond[3:], 0).rows(
         "either", np.zeros(1, dtype=bool)
     )
+
+
+def test_what_the_service_said_of_poses_out_of_reach_is_reported() -> None:
+    info = {
+        "looks": [[3.0, 8.0], [5.0, 10.0]],
+        "reachable": [True, False],
+        "limits": ["The pose can be reached.", "frame_tip misses by 3.8 mm."],
+    }
+    result = SeedResult(0)
+    judge_taught(load_specimen("sopra"), (replace(posed(), info=info),), result)
+    assert result.notes[-1] == "Of the poses, 2: frame_tip misses by 3.8 mm."
 
 
 def test_poses_of_two_hands_are_joined() -> None:
