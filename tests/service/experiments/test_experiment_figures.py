@@ -11,7 +11,7 @@ from softarm.estimator.model import Frames
 from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import Bend, MeasuredPose, Orientation
 from softarm.estimator.specimen import load_specimen
-from softarm.experiments.figures import beside, error_figures, inside, without_unit
+from softarm.experiments.figures import error_figures, inside, with_paper, without_unit
 from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.leave_one_out import without_each
 from softarm.experiments.live import HookPlace, with_hooks
@@ -34,7 +34,7 @@ def test_figures_of_errors_leave_out_what_was_lost() -> None:
 
 def test_an_aim_is_met_only_below_it() -> None:
     for mean, met in ((TEACH_MM.aim, True), (1.01 * TEACH_MM.aim, False)):
-        row = beside({"mean_mm": mean}, TEACH_MM, "mm")
+        row = with_paper({"mean_mm": mean}, TEACH_MM, "mm")
         assert row["aim_met"] is met
         assert without_unit(row, "mm")["paper_mean"] == 5.2
     still = FORCE_N["not pressurised"]
@@ -263,7 +263,7 @@ def test_what_the_service_said_of_poses_out_of_reach_is_reported() -> None:
 def test_poses_of_two_hands_are_joined() -> None:
     one = TeachResult(np.array([[1.0]]), np.array([[0.1]]), np.array([[0.5, 0.1]]), 1)
     other = TeachResult(np.array([[5.0, 6.0]]), np.array([[0.1, 0.2]]), np.array([[4.0, 0.1], [0.3, 0.2]]), 1)
-    both = one.beside(other)
+    both = one.joined(other)
     assert both.reachable == 2
     np.testing.assert_array_equal(both.millimetres, [[1.0, 5.0, 6.0]])
     np.testing.assert_array_equal(both.near, [True, False, True])

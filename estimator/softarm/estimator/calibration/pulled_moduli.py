@@ -83,7 +83,8 @@ def moduli_from_pulls(
         train: Which nodes of each run it may see.
     """
     pulled = [flags & _vented_pulls(node_set) for node_set, flags in zip(forward.nodes, train, strict=True)]
-    part = tuple(by_pull(node_set).keep(f) for node_set, f in zip(forward.nodes, pulled, strict=True) if f.any())
+    parts = zip(forward.nodes, pulled, strict=True)
+    part = tuple(by_pull(node_set).keep(f) for node_set, f in parts if f.any())
     near = tuple(node_set.keep(f) for node_set, f in zip(before, pulled, strict=True) if f.any())
     if sum(len(nodes.time) for nodes in part) <= FEWEST_PULLS:
         return PulledModuli(start, {})
