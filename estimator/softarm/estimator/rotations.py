@@ -147,7 +147,7 @@ def matrix_kernel(quaternions: Floats, matrices: Floats) -> None:
         m[2, 0], m[2, 1], m[2, 2] = 2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)
 
 
-def _flat(values: Floats, width: int) -> Floats:
+def flat(values: Floats, width: int) -> Floats:
     """Copy to contiguous memory with one leading axis, so that a kernel compiles for one type only."""
     shape = (-1, 3, 3) if width == 9 else (-1, width)
     return np.array(values, dtype=np.float64, order="C").reshape(shape)
@@ -155,9 +155,9 @@ def _flat(values: Floats, width: int) -> Floats:
 
 def _mapped(kernel: Kernel, values: Floats, width: int, shape: tuple[int, ...]) -> Floats:
     """Fill an array of ``shape`` for each of the values, which have ``width`` numbers each."""
-    flat = _flat(values, width)
-    filled = np.empty((len(flat), *shape))
-    kernel(flat, filled)
+    rows = flat(values, width)
+    filled = np.empty((len(rows), *shape))
+    kernel(rows, filled)
     return filled.reshape(*np.shape(values)[: -2 if width == 9 else -1], *shape)
 
 

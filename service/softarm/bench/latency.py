@@ -4,7 +4,6 @@ import math
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -19,6 +18,7 @@ from softarm.common.errors import WorkFailedError
 from softarm.common.rods import trusted_rod
 from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Cell, Table
+from softarm.estimator.arrays import Floats
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
 from softarm.experiments.session import connect, wait_ready
@@ -27,6 +27,8 @@ from softarm_client.errors import CommandRefusedError
 from softarm_client.messages import Estimate
 
 LIMITS_MS = {"fem": 12.0, "rod": 2.0}
+STAGES = ("solve", "service", "network")
+"""The estimator; the rest of the service, with the way to the estimator and back; the way to the subscriber."""
 SCENARIO = """\
 name = "latency"
 seed = 1
@@ -72,15 +74,15 @@ class Measured:
 
     Args:
         latencies_ms: Of each estimate, shape (estimates,).
-        solve_ms: Time the estimator took for each, shape (estimates,).
+        stages_ms: What of it each of ``STAGES`` took, shape (estimates, stages).
         converged: Share of the estimates that converged.
         ticks: Ticks of the control loop.
         late: Ticks skipped.
         duration_s: How long it was measured.
     """
 
-    latencies_ms: np.ndarray[tuple[int], np.dtype[np.float64]]
-    solve_ms: np.ndarray[tuple[int], np.dtype[np.float64]]
+    latencies_ms: Floats
+    stages_ms: Floats
     converged: float
     ticks: int
     late: int
@@ -129,7 +131,8 @@ def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> in
             advance(1)
     notes = (
         "The fakes, the arm's simulation, the service, its estimator and this subscriber share the machine.",
-        "late_ticks: ticks of the control loop that were skipped; solve: the estimator alone.",
+        "late_ticks: ticks of the control loop that were skipped.",
+        "solve: the estimator alone; service: the rest up to the message; network: from there to the subscriber.",
         *([] if refused is None else [f"Not measured with the rod: {refused}."]),
     )
     show(Table("From the packet to the subscriber", rows, notes), as_json=as_json)
@@ -157,7 +160,10 @@ def row_of(case: LatencyCase, measured: Measured) -> dict[str, Cell]:
         "estimates_per_s": len(measured.latencies_ms) / measured.duration_s,
         "median_ms": median,
         "p99_ms": float(np.quantile(measured.latencies_ms, 0.99)) if len(measured.latencies_ms) else math.nan,
-        "solve_median_ms": float(np.median(measured.solve_ms)) if len(measured.solve_ms) else math.nan,
+        **{
+            f"{stage}_median_ms": float(np.median(taken)) if len(taken) else math.nan
+            for stage, taken in zip(STAGES, measured.stages_ms.T, strict=True)
+        },
         "converged_percent": 100.0 * measured.converged,
         "ticks": measured.ticks,
         "late_ticks": measured.late,
@@ -209,26 +215,23 @@ def armed_rig(model: str, rate_hz: float, patience: float = 1.0) -> Iterator[tup
 
 def listen(client: Arm, seconds: float) -> Measured:
     """Move the arm and note when each estimate comes."""
-    latencies: list[float] = []
-    solves: list[float] = []
+    stages: list[tuple[float, float, float]] = []
     converged: list[bool] = []
-    lock = threading.Lock()
 
     def on_estimate(estimate: Estimate) -> None:
-        arrived_ns = estimate.stamp.monotonic_ns - estimate.latency_s * 1e9
-        with lock:
-            latencies.append((time.monotonic_ns() - arrived_ns) * 1e-6)
-            solves.append(estimate.solve_s * 1e3)
-            converged.append(estimate.status in ("converged", "degraded"))
+        network_s = (time.monotonic_ns() - estimate.stamp.monotonic_ns) * 1e-9
+        stages.append((estimate.solve_s, estimate.latency_s - estimate.solve_s, network_s))
+        converged.append(estimate.status in ("converged", "degraded"))
 
     before, begin = client.state(), time.monotonic()
     with client.estimates().subscribe(on_estimate):
         drive(client, seconds)
     after = client.state()
     # The first message of a subscription is one from before it.
+    stages_ms = 1e3 * np.array(stages[1:]).reshape(-1, len(STAGES))
     return Measured(
-        np.array(latencies[1:]),
-        np.array(solves[1:]),
+        stages_ms.sum(axis=1),
+        stages_ms,
         float(np.mean(converged)) if converged else 0.0,
         after.ticks - before.ticks,
         after.overruns - before.overruns,

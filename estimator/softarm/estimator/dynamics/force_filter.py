@@ -7,12 +7,14 @@ beside each other and are mixed by how well they predict the measurements (the i
 H. A. P. Blom and Y. Bar-Shalom, IEEE Trans. Autom. Control 33, 1988).
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.dynamics.reduced_arm import ReducedArm
+from softarm.estimator.small_matrices import add_congruence, invert, product
 
 RATES = np.array([0.01, 0.1, 1.0])
 """By how much a force wanders in one second, by filter [N]: a weight, a gauge on its stage, a push."""
@@ -55,7 +57,13 @@ class ForceFilter:
 
     def at(self, arm: ReducedArm, seconds: float) -> "ForceFilter":
         """Return what is known at the next instant, ``seconds`` later."""
-        return self._mixed(seconds)._predicted(arm, seconds)._corrected(arm)
+        mean, covariance = np.empty_like(self.mean), np.empty_like(self.covariance)
+        weights = self.weights.copy()
+        _mix(self.mean, self.covariance, weights, np.exp(-seconds / DWELL_S), mean, covariance)
+        unloaded = 0.5 * (self.unloaded + arm.unloaded)
+        _predict(arm.mass, arm.stiffness, unloaded, seconds, RATES, DAMPING_RATIO, mean, covariance)
+        _correct(arm.stiffness, arm.noise, arm.forces, arm.unloaded, mean, covariance, weights)
+        return ForceFilter(mean, covariance, weights, arm.unloaded)
 
     @property
     def forces(self) -> tuple[Floats, Floats]:
@@ -67,62 +75,121 @@ class ForceFilter:
         within = _weighed(self.weights, self.covariance[:, 2 * count :, 2 * count :])
         return mean, within + (self.weights[:, None] * apart).T @ apart
 
-    def _mixed(self, seconds: float) -> "ForceFilter":
-        """Let the force take on another rate meanwhile: each filter begins at a mixture of all."""
-        filters = len(self.weights)
-        stay = np.exp(-seconds / DWELL_S)
-        change = np.full((filters, filters), (1.0 - stay) / (filters - 1))
-        np.fill_diagonal(change, stay)
-        ahead = change @ self.weights
-        shares = change * self.weights / ahead[:, None]
-        means = shares @ self.mean
-        apart = self.mean - means[:, None]
-        between = (shares[:, :, None] * apart).transpose(0, 2, 1) @ apart
-        return replace(
-            self, mean=means, covariance=_weighed(shares, self.covariance) + between, weights=ahead
-        )
 
-    def _predicted(self, arm: ReducedArm, seconds: float) -> "ForceFilter":
-        """Carry motion and forces on by the trapezoidal rule, which neither damps nor diverges."""
-        count = len(arm.forces)
-        size, speeds = 3 * count, slice(count, 2 * count)
-        lighter = np.linalg.inv(arm.mass)
-        pulled = lighter @ arm.stiffness
-        frequency = np.sqrt(np.trace(pulled) / count)
-        rate = np.zeros((size, size))
-        rate[:count, speeds] = np.eye(count)
-        rate[speeds] = np.hstack([-pulled, -2.0 * DAMPING_RATIO / frequency * pulled, lighter])
-        drive = np.zeros(size)
-        drive[speeds] = pulled @ (0.5 * (self.unloaded + arm.unloaded))
-        half = 0.5 * seconds * rate
-        implicit = np.linalg.inv(np.eye(size) - half)
-        step = implicit @ (np.eye(size) + half)
-        wandering = implicit[:, 2 * count :]
-        wander = seconds * wandering @ wandering.T
-        return replace(
-            self,
-            mean=self.mean @ step.T + seconds * implicit @ drive,
-            covariance=step @ self.covariance @ step.T + RATES[:, None, None] ** 2 * wander,
-        )
+@njit(cache=True, nogil=True)
+def _mix(
+    means: Floats, covariances: Floats, weights: Floats, stay: float, mean: Floats, covariance: Floats
+) -> None:
+    """Let the force take on another rate meanwhile: each filter begins at a mixture of all."""
+    filters, size = means.shape
+    change, before = (1.0 - stay) / (filters - 1), weights.copy()
+    mean.fill(0.0)
+    covariance.fill(0.0)
+    for i in range(filters):
+        weights[i] = 0.0
+        for j in range(filters):
+            weights[i] += (stay if i == j else change) * before[j]
+        for j in range(filters):
+            share = (stay if i == j else change) * before[j] / weights[i]
+            for r in range(size):
+                mean[i, r] += share * means[j, r]
+        for j in range(filters):
+            share = (stay if i == j else change) * before[j] / weights[i]
+            for r in range(size):
+                apart = means[j, r] - mean[i, r]
+                for c in range(size):
+                    between = apart * (means[j, c] - mean[i, c])
+                    covariance[i, r, c] += share * (covariances[j, r, c] + between)
 
-    def _corrected(self, arm: ReducedArm) -> "ForceFilter":
-        """Compare the forces that would hold the pose at rest, K (u - u_0), with those estimated."""
-        count = len(arm.forces)
-        seen = arm.stiffness @ self.covariance[:, :count]
-        spread = seen[:, :, :count] @ arm.stiffness + arm.noise
-        innovation = arm.forces - (self.mean[:, :count] - arm.unloaded) @ arm.stiffness
-        precision = np.linalg.inv(spread)
-        gain = seen.transpose(0, 2, 1) @ precision
-        corrected = self.covariance - gain @ seen
-        squares = np.einsum("ki,kij,kj->k", innovation, precision, innovation)
-        fit = np.log(self.weights) - 0.5 * (squares + np.linalg.slogdet(spread)[1])
-        likely = np.exp(fit - fit.max())
-        return ForceFilter(
-            self.mean + np.einsum("kij,kj->ki", gain, innovation),
-            0.5 * (corrected + corrected.transpose(0, 2, 1)),
-            likely / likely.sum(),
-            arm.unloaded,
-        )
+
+@njit(cache=True, nogil=True)
+def _predict(
+    mass: Floats,
+    stiffness: Floats,
+    unloaded: Floats,
+    seconds: float,
+    rates: Floats,
+    damping_ratio: float,
+    mean: Floats,
+    covariance: Floats,
+) -> None:
+    """Carry motion and forces on by the trapezoidal rule, which neither damps nor diverges."""
+    count = len(mass)
+    size, half = 3 * count, 0.5 * seconds
+    lighter, pulled, square = np.empty((count, count)), np.empty((count, count)), 0.0
+    invert(mass, lighter)
+    product(lighter, stiffness, pulled)
+    for k in range(count):
+        square += pulled[k, k] / count
+    damping = 2.0 * damping_ratio / np.sqrt(square)
+    ahead, behind, implicit = np.eye(size), np.eye(size), np.empty((size, size))
+    for r in range(count):
+        ahead[r, count + r], behind[r, count + r] = half, -half
+        for c in range(count):
+            for column, rate in (
+                (c, -pulled[r, c]), (count + c, -damping * pulled[r, c]), (2 * count + c, lighter[r, c]),
+            ):  # fmt: skip
+                ahead[count + r, column] += half * rate
+                behind[count + r, column] -= half * rate
+    invert(behind, implicit)
+    step, wandered, moved = np.empty((size, size)), np.empty((size, size)), np.empty(size)
+    product(implicit, ahead, step)
+    pushed = np.empty((count, 1))
+    product(pulled, unloaded.reshape(count, 1), pushed)
+    for i in range(len(mean)):
+        for r in range(size):
+            moved[r] = 0.0
+            for c in range(size):
+                moved[r] += step[r, c] * mean[i, c]
+            for k in range(count):
+                moved[r] += seconds * implicit[r, count + k] * pushed[k, 0]
+        mean[i] = moved
+        wandered.fill(0.0)
+        add_congruence(1.0, step, covariance[i], wandered)
+        add_congruence(seconds * rates[i] ** 2, implicit[:, 2 * count :], np.eye(count), wandered)
+        covariance[i] = wandered
+
+
+@njit(cache=True, nogil=True)
+def _correct(
+    stiffness: Floats,
+    noise: Floats,
+    forces: Floats,
+    unloaded: Floats,
+    mean: Floats,
+    covariance: Floats,
+    weights: Floats,
+) -> None:
+    """Compare the forces that would hold the pose at rest, K (u - u_0), with those estimated."""
+    count, size = len(forces), mean.shape[1]
+    seen, spread = np.empty((count, size)), np.empty((count, count))
+    precision, innovation, gain = np.empty((count, count)), np.empty(count), np.empty(count)
+    fit = np.empty(len(mean))
+    for i in range(len(mean)):
+        product(stiffness, covariance[i, :count], seen)
+        product(seen[:, :count], stiffness, spread)
+        spread += noise
+        logarithm, square = invert(spread, precision), 0.0
+        for r in range(count):
+            innovation[r] = forces[r]
+            for k in range(count):
+                innovation[r] -= stiffness[r, k] * (mean[i, k] - unloaded[k])
+        for r in range(count):
+            for c in range(count):
+                square += innovation[r] * precision[r, c] * innovation[c]
+        fit[i] = np.log(weights[i]) - 0.5 * (square + logarithm)
+        for r in range(size):
+            for c in range(count):
+                gain[c] = 0.0
+                for k in range(count):
+                    gain[c] += seen[k, r] * precision[k, c]
+                mean[i, r] += gain[c] * innovation[c]
+            for c in range(r + 1):
+                for k in range(count):
+                    covariance[i, r, c] -= gain[k] * seen[k, c]
+                covariance[i, c, r] = covariance[i, r, c]
+    weights[:] = np.exp(fit - fit.max())
+    weights /= weights.sum()
 
 
 def _weighed(shares: Floats, matrices: Floats) -> Floats:

@@ -10,12 +10,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numba import njit
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.inverse import ArmEstimate
 from softarm.estimator.model import Frames, Load
 from softarm.estimator.simulation.inertia import Masses, mass_matrix
 from softarm.estimator.simulation.segments import Neighbours
+from softarm.estimator.small_matrices import add_congruence, factorise, invert
 
 
 @dataclass(frozen=True)
@@ -72,24 +74,49 @@ def reduced(
     motion = estimate.motion[:, chambers:].reshape(len(sections), 6, count)
     axes = np.array([load.direction for load in loads])
     places = [sections.index(load.section) for load in loads if load.section is not None]
-    compliance = np.einsum("li,lik->lk", axes, motion[places, :3])
-    compliance = 0.5 * (compliance + compliance.T)
-    if not (np.isfinite(compliance).all() and np.linalg.eigvalsh(compliance)[0] > 0.0):
-        return None
-    stiffness = np.linalg.inv(compliance)
     frames = Frames(estimate.frames.positions[None], estimate.frames.rotations[None])
-    mass = stiffness @ mass_matrix(frames, neighbours, masses, motion[None])[0] @ stiffness
-    displacement = np.einsum("li,li->l", axes, estimate.frames.positions[places])
-    noise = _noise(estimate, own_noise)[chambers:, chambers:]
+    weight = mass_matrix(frames, neighbours, masses, motion[None])[0]
+    compliance, stiffness, mass = (np.empty((count, count)) for _ in range(3))
+    if not _reduce(motion, axes, np.array(places), weight, compliance, stiffness, mass):
+        return None
+    displacement = (axes * estimate.frames.positions[places]).sum(axis=1)
     forces = estimate.inputs.loads
+    noise = _noise(estimate, own_noise)
     return ReducedArm(stiffness, mass, displacement, displacement - compliance @ forces, forces, noise)
 
 
+@njit(cache=True, nogil=True)
+def _reduce(
+    motion: Floats,
+    axes: Floats,
+    places: Indices,
+    weight: Floats,
+    compliance: Floats,
+    stiffness: Floats,
+    mass: Floats,
+) -> bool:
+    """Fill C, K and M; return whether C is positive definite."""
+    count, lower = len(axes), np.empty_like(compliance)
+    for r in range(count):
+        for c in range(count):
+            compliance[r, c] = 0.0
+            for k in range(3):
+                compliance[r, c] += 0.5 * axes[r, k] * motion[places[r], k, c]
+                compliance[r, c] += 0.5 * axes[c, k] * motion[places[c], k, r]
+    if not factorise(compliance, lower):
+        return False
+    invert(compliance, stiffness)
+    mass.fill(0.0)
+    add_congruence(1.0, stiffness, weight, mass)
+    return True
+
+
 def _noise(estimate: ArmEstimate[Any], own_noise: Floats) -> Floats:
-    """Carry the sensors' own noise through the estimate to its inputs."""
-    noise = np.zeros_like(estimate.covariance)
+    """Carry the sensors' own noise through the estimate to its loads."""
+    covariance = estimate.covariance[estimate.unknowns.chambers :]
+    noise = np.zeros((len(covariance), len(covariance)))
     for row in estimate.rows:
         if row.name == "sensors":
-            gain = estimate.covariance @ row.jacobian.T @ row.information
+            gain = covariance @ row.weighted
             noise += gain @ own_noise[row.members][:, row.members] @ gain.T
     return noise

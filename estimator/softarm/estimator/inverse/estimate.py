@@ -6,15 +6,18 @@ from functools import cached_property
 from typing import TypeVar
 
 import numpy as np
+from numba import njit
 
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Linearised, Minimum, Tolerances, minimise
 from softarm.estimator.inverse.objectives import PRESSURES, Objective, WeightedRows
 from softarm.estimator.inverse.observability import Observability, analyse
+from softarm.estimator.inverse.program import sum_of
 from softarm.estimator.inverse.unknowns import Unknowns
 from softarm.estimator.model import ArmModel, Inputs, Linearisation
 from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.small_matrices import invert
 
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
@@ -85,9 +88,7 @@ class ArmEstimate(Minimum[State]):
         that gives half of an unknown leaves half of a degree of freedom to the data.
         """
         data = [row for row in self.rows if row.data]
-        spent = sum(
-            float(np.sum((row.jacobian @ self.covariance @ row.jacobian.T) * row.information)) for row in data
-        )
+        spent = sum(float(np.vdot(self.covariance, row.normal)) for row in data)
         return sum(len(row.innovation) for row in data) - spent
 
     @cached_property
@@ -134,16 +135,25 @@ def posterior(rows: tuple[WeightedRows, ...], scale: Floats, fixed: Flags) -> Fl
         scale: Typical change of each input, shape (inputs,).
         fixed: Inputs that are held or lie on a bound, shape (inputs,).
     """
-    size = len(scale)
-    information = np.zeros((size, size))
-    for row in rows:
-        information += row.jacobian.T @ row.information @ row.jacobian
-    free = np.flatnonzero(~fixed)
-    scaled = (information * scale[:, None] * scale)[free][:, free]
-    covariance = np.zeros((size, size))
-    inverse = np.linalg.inv(scaled + 1e-6 * np.eye(len(free)))
-    covariance[np.ix_(free, free)] = inverse * scale[free, None] * scale[free]
+    covariance = np.zeros((len(scale), len(scale)))
+    _posterior(sum_of(row.normal for row in rows), scale, fixed, covariance)
     return covariance
+
+
+@njit(cache=True, nogil=True)
+def _posterior(information: Floats, scale: Floats, fixed: Flags, covariance: Floats) -> None:
+    """Fill the covariance of the inputs that can move, zeros for the others."""
+    free = np.flatnonzero(~fixed)
+    count = len(free)
+    scaled, inverse = np.empty((count, count)), np.empty((count, count))
+    for r in range(count):
+        for c in range(count):
+            scaled[r, c] = information[free[r], free[c]] * scale[free[r]] * scale[free[c]]
+        scaled[r, r] += 1e-6
+    invert(scaled, inverse)
+    for r in range(count):
+        for c in range(count):
+            covariance[free[r], free[c]] = inverse[r, c] * scale[free[r]] * scale[free[c]]
 
 
 @dataclass(frozen=True)

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.small_matrices import invert
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,8 @@ class WeightedRows:
         jacobian: J, shape (rows, inputs).
         information: R^-1, shape (rows, rows).
         members: Row of the objective each one is, where some are absent, shape (rows,).
+        weighted: J^T R^-1, shape (inputs, rows).
+        normal: J^T R^-1 J, shape (inputs, inputs).
     """
 
     name: str
@@ -57,11 +60,19 @@ class WeightedRows:
     jacobian: Floats
     information: Floats
     members: NDArray[np.int64]
+    weighted: Floats
+    normal: Floats
 
     @property
     def cost(self) -> float:
         """Weighted sum of squares at the iterate."""
         return float(self.innovation @ self.information @ self.innovation)
+
+    @property
+    def gradient(self) -> Floats:
+        """J^T R^-1 r, shape (inputs,)."""
+        gradient: Floats = self.weighted @ self.innovation
+        return gradient
 
 
 class Objective(Protocol):
@@ -92,8 +103,12 @@ class SensorObjective:
         observation = self.suite.observe(at.frames, self.readings, self._own_noise)
         drift, motion = at.response(observation.twists)
         innovation = observation.innovation - drift
-        information = np.asarray(np.linalg.inv(observation.covariance), dtype=np.float64)
-        return WeightedRows("sensors", True, innovation, motion, information, observation.rows)
+        information = np.empty_like(observation.covariance)
+        invert(observation.covariance, information)
+        weighted = motion.T @ information
+        return WeightedRows(
+            "sensors", True, innovation, motion, information, observation.rows, weighted, weighted @ motion
+        )
 
 
 @dataclass(frozen=True)
@@ -116,7 +131,10 @@ class PressureReadings:
         """Linearise at an iterate."""
         chambers, pressures, information = self._measured
         innovation, jacobian = pressures - at.vector[chambers], np.eye(len(at.vector))[chambers]
-        return WeightedRows(self.name, self.data, innovation, jacobian, information, chambers)
+        weighted = jacobian.T @ information
+        return WeightedRows(
+            self.name, self.data, innovation, jacobian, information, chambers, weighted, weighted @ jacobian
+        )
 
     @cached_property
     def _measured(self) -> tuple[NDArray[np.int64], Floats, Floats]:
@@ -140,6 +158,14 @@ class Prior:
     def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate."""
         size = len(at.vector)
+        unit, information = np.eye(size), self.information
         return WeightedRows(
-            "prior", False, self.mean - at.vector, np.eye(size), self.information, np.arange(size)
+            "prior",
+            False,
+            self.mean - at.vector,
+            unit,
+            information,
+            np.arange(size),
+            information,
+            information,
         )

@@ -1,15 +1,18 @@
 """The quadratic program of one step: its build and, apart from it, its solution."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import reduce
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 from proxsuite import proxqp
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.objectives import WeightedRows
+from softarm.estimator.small_matrices import factorise, solve_factored
 
 DAMPING = 1e-12
 """Share of the largest curvature added to the diagonal, for directions that nothing fixes."""
@@ -54,20 +57,49 @@ def build_program(
         The program for the change of the inputs.
     """
     size = len(vector)
-    hessian, gradient = np.zeros((size, size)), np.zeros(size)
-    for row in rows:
-        weighted = row.jacobian.T @ row.information
-        hessian += weighted @ row.jacobian
-        gradient += weighted @ row.innovation
-    hessian *= scale[:, None] * scale
-    hessian[np.diag_indices(size)] += DAMPING * max(float(np.diag(hessian).max(initial=0.0)), 1.0)
-    lower = (limits.lower - vector) / scale
-    upper = (limits.upper - vector) / scale
-    free = ~limits.held
-    # A bound that the iterate violates must stay within reach, however small the trust region.
-    lower[free] = np.maximum(lower[free], np.minimum(-radius, upper[free]))
-    upper[free] = np.minimum(upper[free], np.maximum(radius, lower[free]))
-    return QuadraticProgram(hessian, gradient * scale, lower, upper)
+    program = QuadraticProgram(np.empty((size, size)), np.empty(size), np.empty(size), np.empty(size))
+    _fill(
+        sum_of(row.normal for row in rows), sum_of(row.gradient for row in rows), limits.lower, limits.upper,
+        vector, scale, radius, DAMPING, program.hessian, program.gradient, program.lower, program.upper,
+    )  # fmt: skip
+    return program
+
+
+def sum_of(terms: Iterable[Floats]) -> Floats:
+    """Add arrays of one shape, of which there is at least one."""
+    return reduce(np.add, terms)
+
+
+@njit(cache=True, nogil=True)
+def _fill(
+    normal: Floats,
+    right: Floats,
+    smallest: Floats,
+    largest: Floats,
+    vector: Floats,
+    scale: Floats,
+    radius: float,
+    damping: float,
+    hessian: Floats,
+    gradient: Floats,
+    lower: Floats,
+    upper: Floats,
+) -> None:
+    """Fill the program from J^T R^-1 J and J^T R^-1 r of all rows and the bounds of the inputs."""
+    size, curvature = len(vector), 1.0
+    for r in range(size):
+        for c in range(size):
+            hessian[r, c] = normal[r, c] * scale[r] * scale[c]
+        curvature = max(curvature, hessian[r, r])
+    for r in range(size):
+        hessian[r, r] += damping * curvature
+        gradient[r] = right[r] * scale[r]
+        lower[r] = (smallest[r] - vector[r]) / scale[r]
+        upper[r] = (largest[r] - vector[r]) / scale[r]
+        if smallest[r] != largest[r]:
+            # A bound that the iterate violates must stay within reach, however small the trust region.
+            lower[r] = max(lower[r], min(-radius, upper[r]))
+            upper[r] = min(upper[r], max(radius, lower[r]))
 
 
 def solve_program(program: QuadraticProgram) -> Floats:
@@ -79,17 +111,32 @@ def solve_program(program: QuadraticProgram) -> Floats:
     Returns:
         z, shape (inputs,).
     """
-    held = program.lower == program.upper
-    value = np.where(held, program.lower, 0.0)
-    free = ~held
-    if free.any():
-        inner = program.hessian[free][:, free]
-        value[free] = np.linalg.solve(
-            inner, program.gradient[free] - program.hessian[free][:, held] @ value[held]
-        )
-    if ((program.lower <= value) & (value <= program.upper)).all():
+    value = np.empty_like(program.gradient)
+    if _unbounded(program.hessian, program.gradient, program.lower, program.upper, value):
         return value
-    return _proxqp(program, held)
+    return _proxqp(program, program.lower == program.upper)
+
+
+@njit(cache=True, nogil=True)
+def _unbounded(hessian: Floats, gradient: Floats, lower: Floats, upper: Floats, value: Floats) -> bool:
+    """Fill the optimum over what is not held; return whether it lies within the bounds."""
+    free = np.flatnonzero(lower != upper)
+    inner, factor, right = np.empty((len(free), len(free))), np.empty((len(free), len(free))), gradient[free]
+    value[:] = lower
+    for r in range(len(free)):
+        for c in range(len(value)):
+            if lower[c] == upper[c]:
+                right[r] -= hessian[free[r], c] * lower[c]
+        for c in range(len(free)):
+            inner[r, c] = hessian[free[r], free[c]]
+    if not factorise(inner, factor):
+        return False
+    solve_factored(factor, right)
+    for r in range(len(free)):
+        value[free[r]] = right[r]
+        if not lower[free[r]] <= right[r] <= upper[free[r]]:
+            return False
+    return True
 
 
 def _proxqp(program: QuadraticProgram, held: NDArray[np.bool_]) -> Floats:

@@ -81,22 +81,29 @@ def feature_slopes(table: Indices, variables: Floats, directions: Floats) -> Flo
 def law_slopes(
     table: Indices, coefficients: Floats, variables: Floats, value: Floats, slopes: Floats
 ) -> None:
-    """Evaluate a law and its derivative: slopes (1 + variables, 8), of which row 0 is of no use."""
+    """Evaluate a law and its derivative: slopes (1 + variables, 8), of which row 0 is zero."""
     value.fill(0.0)
     slopes.fill(0.0)
     for k in range(table.shape[0]):
         a, b, c, d = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
         first, second = variables[a] * variables[b], variables[c] * variables[d]
-        by_a, by_b = variables[b] * second, variables[a] * second
-        by_c, by_d = variables[d] * first, variables[c] * first
-        term = first * second
-        for o in range(8):
-            coefficient = coefficients[k, o]
-            value[o] += coefficient * term
-            slopes[a, o] += coefficient * by_a
-            slopes[b, o] += coefficient * by_b
-            slopes[c, o] += coefficient * by_c
-            slopes[d, o] += coefficient * by_d
+        row = coefficients[k]
+        # In registers they cannot overlap with what is added to, so that eight are added at once.
+        outputs = row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7]
+        _add(outputs, first * second, value)
+        if a > 0:
+            _add(outputs, variables[b] * second, slopes[a])
+        if b > 0:
+            _add(outputs, variables[a] * second, slopes[b])
+        if c > 0:
+            _add(outputs, variables[d] * first, slopes[c])
+        _add(outputs, variables[c] * first, slopes[d])
+
+
+@njit(cache=True, nogil=True)
+def _add(coefficients: tuple[float, ...], factor: float, row: Floats) -> None:
+    for o in range(OUTPUTS):
+        row[o] += coefficients[o] * factor
 
 
 @njit(cache=True, nogil=True)

@@ -11,21 +11,18 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import (
     exp,
-    from_quaternions,
+    flat,
     inverse_jacobian_kernel,
     inverse_left_jacobian,
     left_jacobian,
+    matrix_kernel,
     quaternion_kernel,
     rotation_vector_kernel,
     to_quaternions,
 )
-from softarm.estimator.sensing.measurement import (
-    Sensitivity,
-    Unit,
-    section_rotation,
-    twist_rows,
-)
+from softarm.estimator.sensing.measurement import Sensitivity, Unit
 from softarm.estimator.sensing.registration import Registration
+from softarm.estimator.vectors import multiply
 
 
 @dataclass(frozen=True)
@@ -70,13 +67,22 @@ class Orientation:
 
     def sensitivity(self, frames: Frames, reading: Floats) -> Sensitivity:
         """Compare a quaternion in the laboratory frame, shape (..., 4), with the frames."""
-        innovation, rotation = compare(self._rotation(frames), self._measured(reading))
-        rows = np.concatenate([np.zeros_like(rotation), rotation], axis=-1)
-        return Sensitivity(innovation, twist_rows(frames, self.section, rows))
+        rotations, leading = frames.rotations[..., self.section, :, :], np.shape(reading)[:-1]
+        if rotations.shape[:-2] != leading:
+            leading = np.broadcast_shapes(rotations.shape[:-2], leading)
+            rotations = np.broadcast_to(rotations, (*leading, 3, 3))
+            reading = np.broadcast_to(reading, (*leading, 4))
+        width = 6 * frames.rotations.shape[-3]
+        innovations, twists = np.empty((*leading, 3)), np.zeros((*leading, 3, width))
+        sensitivity_kernel(
+            flat(rotations, 9), self._alignment, self._laboratory, flat(reading, 4), 6 * self.section + 3,
+            innovations.reshape(-1, 3), twists.reshape(-1, 3, width),
+        )  # fmt: skip
+        return Sensitivity(innovations, twists)
 
     def parameter_rows(self, frames: Frames, reading: Floats) -> Floats:
         """Return the derivative by the misalignment, shape (..., 3, 3)."""
-        innovation, _ = compare(self._rotation(frames), self._measured(reading))
+        innovation = self.sensitivity(frames, reading).innovation
         rows: Floats = inverse_left_jacobian(innovation) @ left_jacobian(-self.misalignment)
         return rows
 
@@ -95,48 +101,44 @@ class Orientation:
     def _alignment(self) -> Floats:
         return exp(self.misalignment)
 
+    @cached_property
+    def _laboratory(self) -> Floats:
+        return np.array(self.registration.rotation, dtype=np.float64, order="C")
+
     def _rotation(self, frames: Frames) -> Floats:
-        rotation: Floats = section_rotation(frames, self.section) @ self._alignment
+        rotation: Floats = frames.rotations[..., self.section, :, :] @ self._alignment
         return rotation
-
-    def _measured(self, reading: Floats) -> Floats:
-        measured: Floats = self.registration.rotation @ from_quaternions(reading)
-        return measured
-
-
-def compare(predicted: Floats, measured: Floats) -> tuple[Floats, Floats]:
-    """Compare rotations, shapes (..., 3, 3).
-
-    Returns:
-        log(H^T Y) with H predicted and Y measured, shape (..., 3), and the derivative of H's part in it by a
-        rotation vector in the base frame, shape (..., 3, 3).
-    """
-    if predicted.shape != measured.shape:
-        predicted, measured = np.broadcast_arrays(predicted, measured)
-    shape = predicted.shape
-    first = np.ascontiguousarray(predicted).reshape(-1, 3, 3)
-    second = np.ascontiguousarray(measured).reshape(-1, 3, 3)
-    innovations, rows = np.empty((len(first), 3)), np.empty((len(first), 3, 3))
-    compare_kernel(first, second, innovations, rows)
-    return innovations.reshape(shape[:-1]), rows.reshape(shape)
 
 
 @njit(cache=True, nogil=True)
-def compare_kernel(predicted: Floats, measured: Floats, innovations: Floats, rows: Floats) -> None:
-    """Fill what ``compare`` gives, all with one leading axis."""
+def sensitivity_kernel(
+    rotations: Floats,
+    alignment: Floats,
+    laboratory: Floats,
+    quaternions: Floats,
+    column: int,
+    innovations: Floats,
+    twists: Floats,
+) -> None:
+    """Fill log(H^T Y) and the derivative of H's part in it by a rotation vector in the base frame.
+
+    Args:
+        rotations: Of the section, shape (n, 3, 3).
+        alignment: Rotation of the body on it, shape (3, 3).
+        laboratory: Rotation of the laboratory, shape (3, 3).
+        quaternions: Readings, shape (n, 4).
+        column: First of the columns of the section's rotation.
+        innovations: Filled, shape (n, 3).
+        twists: Filled in these columns, shape (n, 3, 6 sections).
+    """
+    read, measured, predicted = np.empty((1, 3, 3)), np.empty((3, 3)), np.empty((3, 3))
     relative, quaternion, inverse = np.empty((1, 3, 3)), np.empty((1, 4)), np.empty((1, 3, 3))
-    for n in range(predicted.shape[0]):
-        h = predicted[n]
-        for i in range(3):
-            for k in range(3):
-                relative[0, i, k] = (
-                    h[0, i] * measured[n, 0, k] + h[1, i] * measured[n, 1, k] + h[2, i] * measured[n, 2, k]
-                )
+    for n in range(len(rotations)):
+        matrix_kernel(quaternions[n : n + 1], read)
+        multiply(laboratory, read[0], measured)
+        multiply(rotations[n], alignment, predicted)
+        multiply(predicted.T, measured, relative[0])
         quaternion_kernel(relative, quaternion)
         rotation_vector_kernel(quaternion, innovations[n : n + 1])
         inverse_jacobian_kernel(innovations[n : n + 1], inverse)
-        for i in range(3):
-            for k in range(3):
-                rows[n, i, k] = (
-                    inverse[0, i, 0] * h[k, 0] + inverse[0, i, 1] * h[k, 1] + inverse[0, i, 2] * h[k, 2]
-                )
+        multiply(inverse[0], predicted.T, twists[n, :, column : column + 3])

@@ -17,12 +17,12 @@ from numba import njit
 from numpy.typing import NDArray
 from scipy.linalg import eigh
 
-from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
-from softarm.estimator.rotations import skew
 from softarm.estimator.simulation.segments import Neighbours, Segments
 from softarm.estimator.specimen import Specimen
+from softarm.estimator.vectors import cross
 
 FINE = 0.02
 """Longest step in time [s]."""
@@ -204,21 +204,53 @@ def mass_matrix(frames: Frames, neighbours: Neighbours, masses: Masses, twists: 
         twists: Derivative of the sections' twists by the coordinates, shape (samples, sections, 6,
             coordinates).
     """
-    places, turns = twists[:, :, :3], twists[:, :, 3:]
-    moved = [*np.moveaxis(places, 1, 0), *np.moveaxis(GYRATION * turns, 1, 0)]
-    weights = [*masses.sections, *masses.sections]
-    for mass, (above, below) in zip(masses.segments, neighbours, strict=True):
-        lower = places[:, below]
-        if above >= 0:
-            upper, chord = places[:, above], frames.positions[:, below] - frames.positions[:, above]
-            carried = -skew(chord) @ turns[:, above]
-        else:
-            upper, carried = np.zeros_like(lower), np.zeros_like(lower)
-        middle = upper + 0.5 * carried + ARC_MIDDLE * (lower - upper - carried)
-        moved += [upper, middle, lower]
-        weights += [mass / 6.0, 4.0 * mass / 6.0, mass / 6.0]
-    rows = np.sqrt(np.repeat(weights, 3))[:, None] * np.concatenate(moved, axis=1)
-    return np.asarray(np.swapaxes(rows, 1, 2) @ rows)
+    matrix = np.zeros((len(twists), twists.shape[-1], twists.shape[-1]))
+    _mass(
+        np.ascontiguousarray(frames.positions), np.ascontiguousarray(twists),
+        np.array(neighbours, dtype=np.int64).reshape(-1, 2), masses.sections, masses.segments, matrix,
+    )  # fmt: skip
+    return matrix
+
+
+@njit(cache=True, nogil=True)
+def _mass(
+    positions: Floats, twists: Floats, neighbours: Indices, sections: Floats, segments: Floats, matrix: Floats
+) -> None:
+    """Add m J^T J of every section and of three points of every segment, see the head of this file."""
+    columns = twists.shape[3]
+    upper, lower, carried = np.zeros((3, columns)), np.zeros((3, columns)), np.zeros((3, columns))
+    middle, arm = np.zeros((3, columns)), np.empty(3)
+    for n in range(len(twists)):
+        for k in range(len(sections)):
+            _add_weight(sections[k], twists[n, k, :3], matrix[n])
+            _add_weight(sections[k] * GYRATION**2, twists[n, k, 3:], matrix[n])
+        for k in range(len(segments)):
+            above, below = neighbours[k]
+            lower[:] = twists[n, below, :3]
+            upper.fill(0.0)
+            carried.fill(0.0)
+            if above >= 0:
+                upper[:] = twists[n, above, :3]
+                for c in range(columns):
+                    for r in range(3):
+                        arm[r] = positions[n, below, r] - positions[n, above, r]
+                    cross(twists[n, above, 3:, c], arm, carried[:, c])
+            for r in range(3):
+                for c in range(columns):
+                    bent = lower[r, c] - upper[r, c] - carried[r, c]
+                    middle[r, c] = upper[r, c] + 0.5 * carried[r, c] + ARC_MIDDLE * bent
+            _add_weight(segments[k] / 6.0, upper, matrix[n])
+            _add_weight(4.0 * segments[k] / 6.0, middle, matrix[n])
+            _add_weight(segments[k] / 6.0, lower, matrix[n])
+
+
+@njit(cache=True, nogil=True)
+def _add_weight(mass: float, moved: Floats, matrix: Floats) -> None:
+    """Add what a mass with these displacements per coordinate, shape (3, coordinates), contributes."""
+    for r in range(len(matrix)):
+        for c in range(len(matrix)):
+            for k in range(3):
+                matrix[r, c] += mass * moved[k, r] * moved[k, c]
 
 
 def _edges(clock: Floats) -> Floats:
