@@ -28,7 +28,7 @@ from softarm_client.messages import Estimate
 
 LIMITS_MS = {"fem": 12.0, "rod": 2.0}
 STAGES = ("solve", "service", "network")
-"""The estimator; the rest of the service, with the way to the estimator and back; the way to the subscriber."""
+"""The estimator; the rest of the service, with the way to the estimator and back; that to the subscriber."""
 SCENARIO = """\
 name = "latency"
 seed = 1
@@ -132,7 +132,7 @@ def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> in
     notes = (
         "The fakes, the arm's simulation, the service, its estimator and this subscriber share the machine.",
         "late_ticks: ticks of the control loop that were skipped.",
-        "solve: the estimator alone; service: the rest up to the message; network: from there to the subscriber.",
+        "solve: the estimator alone; service: the rest up to the message; network: from there to this process.",
         *([] if refused is None else [f"Not measured with the rod: {refused}."]),
     )
     show(Table("From the packet to the subscriber", rows, notes), as_json=as_json)

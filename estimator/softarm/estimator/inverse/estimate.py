@@ -166,6 +166,8 @@ class Problem:
         objectives: What the inputs should meet.
         limits: Bounds and held inputs.
         gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+        force_ratios: See ``ArmEstimate``.
+        relative_errors: Likewise.
     """
 
     unknowns: Unknowns
@@ -173,6 +175,8 @@ class Problem:
     objectives: tuple[Objective, ...]
     limits: InputBounds
     gravity: Floats
+    force_ratios: Floats | float = 1.0
+    relative_errors: Floats | float = 0.0
 
     def solve(
         self,
@@ -197,4 +201,6 @@ class Problem:
             covariance=posterior(minimum.rows, self.unknowns.scale, self.limits.held | low | high),
             limits=self.limits,
             residuals={name: residual[rows] for name, rows in self.suite.slices.items()},
+            force_ratios=self.force_ratios,
+            relative_errors=self.relative_errors,
         )

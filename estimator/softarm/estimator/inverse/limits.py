@@ -1,6 +1,7 @@
 """Limits of the inverse problem: bounds and held values of the inputs."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -45,7 +46,7 @@ class InputBounds:
         """Hold some inputs at values (an equality)."""
         return self.bound(members, values, values)
 
-    @property
+    @cached_property
     def held(self) -> Flags:
         """Which inputs are held, shape (inputs,)."""
         held: Flags = self.lower == self.upper
@@ -53,8 +54,5 @@ class InputBounds:
 
     def reached(self, vector: Floats, scale: Floats) -> tuple[Flags, Flags]:
         """Return which free inputs lie on their lower and on their upper bound."""
-        near = 1e-6 * scale
-        return (
-            ~self.held & (vector <= self.lower + near),
-            ~self.held & (vector >= self.upper - near),
-        )
+        near, free = 1e-6 * scale, ~self.held
+        return free & (vector <= self.lower + near), free & (vector >= self.upper - near)

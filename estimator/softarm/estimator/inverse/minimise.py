@@ -1,7 +1,7 @@
 """Sequential quadratic programming: inputs and state together, until both stand still."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar, cast
 
 import numpy as np
@@ -222,7 +222,7 @@ class _Search(Generic[State, Step]):
             frames=_moved(point.at.frames, drift + motion @ change),
             vector=point.at.vector + change,
             motion=motion,
-            rows=tuple(replace(row, innovation=row.innovation - row.jacobian @ change) for row in point.rows),
+            rows=tuple(row.moved(change) for row in point.rows),
             status=status,
             iterations=iterations,
             residual_norm=point.residual_norm,

@@ -74,6 +74,13 @@ class WeightedRows:
         gradient: Floats = self.weighted @ self.innovation
         return gradient
 
+    def moved(self, change: Floats) -> "WeightedRows":
+        """Return the rows after a change of the inputs, shape (inputs,)."""
+        return WeightedRows(
+            self.name, self.data, self.innovation - self.jacobian @ change, self.jacobian, self.information,
+            self.members, self.weighted, self.normal,
+        )  # fmt: skip
+
 
 class Objective(Protocol):
     """Something that the inputs should meet."""

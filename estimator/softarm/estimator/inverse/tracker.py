@@ -1,7 +1,7 @@
 """The estimator that follows an arm through time, for the live service and for recordings alike."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -15,6 +15,7 @@ from softarm.estimator.inverse.unknowns import Unknowns
 from softarm.estimator.model import ArmModel, Inputs, Linearisation
 from softarm.estimator.sensing import ActuationMap, ModelError, SensorSuite, widened
 from softarm.estimator.sensing.model_error import Condition
+from softarm.estimator.small_matrices import invert
 
 
 @dataclass(frozen=True)
@@ -137,6 +138,7 @@ class Estimator(Generic[State, Step]):
         self._conditions = {c: _Accuracy.of(c, suite, sections) for c in settings.model_error.conditions}
         self._settings = settings
         self._unknowns = Unknowns.of(model.chambers, model.loads)
+        self._free = InputBounds.free(self._unknowns.size)
         self._memory: _Memory[State] | None = None
         self._failures = 0
 
@@ -177,7 +179,7 @@ class Estimator(Generic[State, Step]):
         acting = self._settings.actuation.to_chamber(pressures)
         prior, guess = self._predict(time, acting, gravity)
         accuracy = self._conditions[self._settings.model_error.at(pressures)]
-        problem = self._problem(accuracy.suite, readings, acting, prior, gravity)
+        problem = self._problem(accuracy, readings, acting, prior, gravity)
         begun = None if self._memory is None or self._failures else self._memory.last
         start = self._start(problem, guess)
         estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
@@ -187,7 +189,7 @@ class Estimator(Generic[State, Step]):
             self._failures = 0
             covariance, last = estimate.covariance, estimate.last
             self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
-        return replace(estimate, force_ratios=accuracy.force_ratios, relative_errors=accuracy.relative_errors)
+        return estimate
 
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
         """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""
@@ -209,7 +211,7 @@ class Estimator(Generic[State, Step]):
                 self._memory.inputs.loads, self._memory.covariance[chambers:, chambers:], elapsed
             )
         information = np.zeros((self._unknowns.size, self._unknowns.size))
-        information[chambers:, chambers:] = np.linalg.inv(loads)
+        invert(loads, information[chambers:, chambers:])
         lost = np.flatnonzero(~measured)
         information[lost, lost] = 1.0 / variance[lost]
         if self._memory is not None and self._failures <= self._retries:
@@ -221,18 +223,22 @@ class Estimator(Generic[State, Step]):
         )
 
     def _problem(
-        self, suite: SensorSuite, readings: Floats, acting: Floats, prior: Prior, gravity: Floats
+        self, accuracy: _Accuracy, readings: Floats, acting: Floats, prior: Prior, gravity: Floats
     ) -> Problem:
-        limits = InputBounds.free(self._unknowns.size)
-        lower, upper = limits.lower.copy(), limits.upper.copy()
-        lost = np.flatnonzero(~np.isfinite(acting))
-        lower[lost], upper[lost] = 0.0, self._settings.pressure_limits[lost]
+        limits, lost = self._free, np.flatnonzero(~np.isfinite(acting))
+        if len(lost):
+            lower, upper = limits.lower.copy(), limits.upper.copy()
+            lower[lost], upper[lost] = 0.0, self._settings.pressure_limits[lost]
+            limits = InputBounds(lower, upper)
         objectives = (
-            SensorObjective(suite, readings),
+            SensorObjective(accuracy.suite, readings),
             prior,
             PressureReadings(acting, self._settings.actuation.chamber_sigma),
         )
-        return Problem(self._unknowns, suite, objectives, InputBounds(lower, upper), gravity)
+        return Problem(
+            self._unknowns, accuracy.suite, objectives, limits, gravity,
+            accuracy.force_ratios, accuracy.relative_errors,
+        )  # fmt: skip
 
     def _start(self, problem: Problem, guess: Inputs) -> tuple[State, Inputs]:
         if self._memory is not None and self._failures <= self._retries:

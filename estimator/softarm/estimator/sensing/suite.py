@@ -179,6 +179,8 @@ class SensorSuite:
         covariance = self.own_noise(readings) if own_noise is None else own_noise
         if self._registrations:
             covariance = self.covariance(frames, readings, np.nan_to_num(whole.twists))
+        if len(rows) == self.size:
+            return Observation(whole.innovation, whole.twists, covariance, rows)
         return Observation(
             whole.innovation[rows],
             whole.twists[rows],

@@ -78,18 +78,22 @@ class StretchLaw:
 
     def stretches(self, frames: Frames) -> Floats:
         """Return the stretch of each chamber, shape (..., C)."""
-        return self._evaluated(frames, rows=False)[0]
+        return self._evaluate(frames, 0)[0]
 
     def rows(self, frames: Frames) -> Floats:
         """Differentiate the stretches by the stacked twists of the sections, shape (..., C, 6 sections)."""
-        return self._evaluated(frames, rows=True)[1]
+        return self.linearise(frames)[1]
 
-    def _evaluated(self, frames: Frames, *, rows: bool) -> tuple[Floats, Floats]:
-        """Return the stretches and, where wanted, their derivatives; else these have no columns."""
+    def linearise(self, frames: Frames) -> tuple[Floats, Floats]:
+        """Return what ``stretches`` and ``rows`` do."""
+        return self._evaluate(frames, 6 * frames.positions.shape[-2])
+
+    def _evaluate(self, frames: Frames, width: int) -> tuple[Floats, Floats]:
+        """Return the stretches and their derivatives, which have ``width`` columns: all or none."""
         leading, sections = frames.positions.shape[:-2], frames.positions.shape[-2]
         positions = np.ascontiguousarray(frames.positions).reshape(-1, sections, 3)
         rotations = np.ascontiguousarray(frames.rotations).reshape(-1, sections, 3, 3)
-        count, width = len(self.lengths), 6 * sections if rows else 0
+        count = len(self.lengths)
         stretches = np.zeros((len(positions), count))
         derivatives = np.zeros((len(positions), count, width))
         stretch_kernel(

@@ -12,9 +12,11 @@ from functools import cached_property
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numba import njit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
+from softarm.estimator.small_matrices import invert, product
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch.law import StretchLaw
 from softarm.estimator.wrapper import ModelWrapper
@@ -60,14 +62,14 @@ class StretchedStep(Generic[State, Step]):
         return max(self.step.residual_norm, float(np.linalg.norm(self._push * self._behind)) / applied)
 
     @cached_property
-    def _stretches(self) -> Floats:
-        """Stretches at the iterate, shape (chambers,)."""
-        return self.model.law.stretches(self.frames)
+    def _law(self) -> tuple[Floats, Floats]:
+        """Stretches at the iterate, shape (chambers,), and their rows, shape (chambers, 6 sections)."""
+        return self.model.law.linearise(self.frames)
 
     @property
     def _behind(self) -> Floats:
         """Stretches that the wrapped model's pressures do not have yet, shape (chambers,)."""
-        return self._stretches - self.made_with
+        return self._law[0] - self.made_with
 
     @property
     def _push(self) -> Floats:
@@ -86,22 +88,50 @@ class StretchedStep(Generic[State, Step]):
     @cached_property
     def _pressures(self) -> tuple[Floats, Floats]:
         """Change of the wrapped model's pressures: at unchanged inputs, (chambers,), and per input."""
-        law, chambers = self.model.law, self.model.chambers
-        drift, columns = self.step.response(law.rows(self.frames))
-        push, behind = self._push, self._behind
-        direct = np.zeros((chambers, columns.shape[1]))
-        direct[:, :chambers] = np.diag(1.0 + law.gain * self._stretches)
-        kept = np.eye(chambers) - columns[:, :chambers] * push
-        still = np.linalg.solve(kept, drift + columns[:, :chambers] @ (push * behind))
-        input_jacobian = columns[:, :chambers] @ direct
-        input_jacobian[:, chambers:] += columns[:, chambers:]
-        moved = np.linalg.solve(kept, input_jacobian)
-        return push * (still + behind), direct + push[:, None] * moved
+        stretches, rows = self._law
+        drift, columns = self.step.response(rows)
+        still, moved = np.empty(len(rows)), np.empty_like(columns)
+        _follow(drift, columns, self._push, self._behind, 1.0 + self.model.law.gain * stretches, still, moved)
+        return still, moved
 
     def inner(self, change: Floats) -> Floats:
         """Return the change of the wrapped model's inputs for that of these, shape (inputs,)."""
         still, moved = self._pressures
         return np.concatenate([still + moved @ change, change[self.model.chambers :]])
+
+
+@njit(cache=True, nogil=True)
+def _follow(
+    drift: Floats, columns: Floats, push: Floats, behind: Floats, growth: Floats, still: Floats, moved: Floats
+) -> None:
+    """Fill the change of the wrapped model's pressures; symbols as at the head of this file.
+
+    Args:
+        drift: E d, shape (chambers,).
+        columns: E C, then E D, shape (chambers, inputs).
+        push: g p, shape (chambers,).
+        behind: q, shape (chambers,).
+        growth: 1 + g s, shape (chambers,).
+        still: Filled with that at unchanged inputs, shape (chambers,).
+        moved: Filled with that per input, shape (chambers, inputs).
+    """
+    chambers, inputs = columns.shape
+    kept, inverse = np.eye(chambers), np.empty((chambers, chambers))
+    right, found = np.empty((chambers, inputs + 1)), np.empty((chambers, inputs + 1))
+    for r in range(chambers):
+        right[r, inputs] = drift[r]
+        for c in range(inputs):
+            right[r, c] = columns[r, c] * growth[c] if c < chambers else columns[r, c]
+        for c in range(chambers):
+            kept[r, c] -= columns[r, c] * push[c]
+            right[r, inputs] += columns[r, c] * push[c] * behind[c]
+    invert(kept, inverse)
+    product(inverse, right, found)
+    for r in range(chambers):
+        still[r] = push[r] * (found[r, inputs] + behind[r])
+        for c in range(inputs):
+            moved[r, c] = push[r] * found[r, c]
+        moved[r, r] += growth[r]
 
 
 @dataclass(frozen=True)
@@ -135,7 +165,8 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         """Linearise about a state under given inputs."""
         placing: Any = self.model
         stretches = self.law.stretches(placing.section_frames(state))
-        effective = replace(inputs, pressures=self.law.effective(inputs.pressures, stretches))
+        pressures = self.law.effective(inputs.pressures, stretches)
+        effective = Inputs(pressures, inputs.loads, inputs.gravity)
         return StretchedStep(self, inputs, stretches, self.model.linearise(state, effective))
 
     def advance(self, step: StretchedStep[State, Step], change: Floats) -> State:

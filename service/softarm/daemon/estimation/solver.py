@@ -1,5 +1,6 @@
 """What runs in the estimator's process: model and sensors of a specimen, one request at a time."""
 
+import math
 import time
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -29,9 +30,9 @@ from softarm.estimator.inverse import (
     Tolerances,
     TrackerSettings,
 )
-from softarm.estimator.model import Inputs
+from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.rod.skin import skin
-from softarm.estimator.rotations import to_quaternions
+from softarm.estimator.rotations import from_quaternions, to_quaternions
 from softarm.estimator.sensing import ModelError, Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors, mounted_base
 from softarm.estimator.simulation import section_loads
@@ -40,6 +41,8 @@ from softarm.estimator.stretch import stretched
 
 WARM_UP_PRESSURE_PA = 1000.0
 WARM_UP_STEP_S = 0.01
+WARM_UP_INSTANTS = 3
+"""The first has no readings; the filter of the forces begins with the second and goes on with the third."""
 LIVE = Tolerances(
     step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=2, forecast=30.0, settles=False
 )
@@ -137,10 +140,12 @@ class Solver:
 
     def _warm_up(self, gravity: np.ndarray[Any, np.dtype[np.float64]]) -> None:
         """Compile and factor once, so that the first live request is as fast as the rest."""
-        rest = self._suite.stack({})
+        readings = self._suite.stack({})
         pressures = np.full(self._model.chambers, WARM_UP_PRESSURE_PA)
-        for time_s in (0.0, WARM_UP_STEP_S):
-            self(EstimationRequest(time_s, 0, rest, pressures, gravity, want_hold=True))
+        for instant in range(WARM_UP_INSTANTS):
+            time_s = instant * WARM_UP_STEP_S
+            result = self(EstimationRequest(time_s, 0, readings, pressures, gravity, want_hold=True))
+            readings = self._suite.predict(Frames(result.positions, from_quaternions(result.quaternions)))
         self._estimator.reset()
         self._moving.reset()
 
@@ -156,7 +161,7 @@ class Solver:
         hold = self._held(request, estimate)
         contact = self._contact(request, estimate) if request.want_contact else None
         sections = len(self._model.sections)
-        deviation = np.sqrt(np.maximum(np.diag(estimate.frame_covariance), 0.0)).reshape(sections, 6)
+        deviation = np.sqrt(np.maximum(estimate.frame_covariance.diagonal(), 0.0)).reshape(sections, 6)
         return EstimationResult(
             request=request,
             converged=estimate.converged,
@@ -193,9 +198,9 @@ class Solver:
         for sensor in self._estimator.suite_at(request.pressures).measurements:
             reading = request.readings[self._suite.reading_slices[sensor.name]]
             residual = estimate.residuals[sensor.name]
-            if np.isfinite(residual).all():
-                sigma = np.sqrt(np.diag(sensor.covariance(reading)))
-                innovations[sensor.name] = float(np.sqrt(np.mean((residual / sigma) ** 2)))
+            ratio = float((residual**2 / sensor.covariance(reading).diagonal()).sum()) / sensor.size
+            if math.isfinite(ratio):
+                innovations[sensor.name] = math.sqrt(ratio)
         return innovations
 
     def _held(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> HoldAnswer | None:
