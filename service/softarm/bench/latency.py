@@ -132,7 +132,7 @@ def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> in
     notes = (
         "The fakes, the arm's simulation, the service, its estimator and this subscriber share the machine.",
         "late_ticks: ticks of the control loop that were skipped.",
-        "solve: the estimator alone; service: the rest up to the message; network: from there to this process.",
+        "solve: the estimator alone; service: the rest up to the message; network: from there on.",
         *([] if refused is None else [f"Not measured with the rod: {refused}."]),
     )
     show(Table("From the packet to the subscriber", rows, notes), as_json=as_json)
