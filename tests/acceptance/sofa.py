@@ -309,7 +309,8 @@ def command(folder: Path, quick: bool, as_json: bool) -> int:
     references = [read_reference(folder, name) for name in names]
     with progress("SOFA", len(references) * 3) as advance:
         forward_rows: list[dict[str, Cell]] = []
-        inverse_rows, compared = [], []
+        inverse_rows: list[dict[str, Cell]] = []
+        compared: list[dict[str, Cell]] = []
         for reference in references:
             forward_rows.extend(forward(reference))
             advance(1)

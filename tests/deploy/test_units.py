@@ -27,7 +27,6 @@ def test_unit_is_hardened(unit):
 
 def test_no_right_is_given_that_nothing_uses():
     unused = (
-        "LimitRTPRIO",
         "LimitMEMLOCK",
         "LogsDirectory",
         "RuntimeDirectory=",

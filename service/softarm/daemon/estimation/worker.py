@@ -99,11 +99,11 @@ class WorkerState:
         return not (self.running or self.gave_up or self.was_ready)
 
 
-def _serve(requests: Connection, results: Connection, factory: SolverFactory, nicer: int) -> None:
+def _serve(requests: Connection, results: Connection, factory: SolverFactory, niceness: int) -> None:
     """Run in the child: build the solver, then answer until the pipe closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(PermissionError):  # a sandbox may forbid it
-        os.nice(nicer)
+        os.setpriority(os.PRIO_PROCESS, 0, niceness)
     faulthandler.register(signal.SIGALRM, all_threads=True)  # shows in the log where it is stuck
     sys.setswitchinterval(SWITCH_S)
     try:
@@ -194,7 +194,7 @@ class Worker(Generic[Request, Result]):
         self._on_result = on_result
         self._on_report = on_report
         self._clock = clock
-        self._nicer = nicer
+        self._niceness = os.getpriority(os.PRIO_PROCESS, 0) + nicer
         self._policy = policy or RestartPolicy()
         self._context = multiprocessing.get_context("spawn")
         self._loop = asyncio.get_running_loop()
@@ -270,7 +270,7 @@ class Worker(Generic[Request, Result]):
         ours_in, theirs_out = self._context.Pipe(duplex=False)
         process = self._context.Process(
             target=_serve,
-            args=(theirs_in, theirs_out, self._factory, self._nicer),
+            args=(theirs_in, theirs_out, self._factory, self._niceness),
             name="softarm-estimator",
             daemon=True,
         )
