@@ -57,12 +57,23 @@ class ForceFilter:
 
     def at(self, arm: ReducedArm, seconds: float) -> "ForceFilter":
         """Return what is known at the next instant, ``seconds`` later."""
-        mean, covariance = np.empty_like(self.mean), np.empty_like(self.covariance)
-        weights = self.weights.copy()
+        count, size, weights = len(arm.forces), self.mean.shape[1], self.weights.copy()
+        mean, covariance, fit = (
+            np.empty_like(self.mean),
+            np.empty_like(self.covariance),
+            np.empty(len(weights)),
+        )
         _mix(self.mean, self.covariance, weights, np.exp(-seconds / DWELL_S), mean, covariance)
-        unloaded = 0.5 * (self.unloaded + arm.unloaded)
-        _predict(arm.mass, arm.stiffness, unloaded, seconds, RATES, DAMPING_RATIO, mean, covariance)
-        _correct(arm.stiffness, arm.noise, arm.forces, arm.unloaded, mean, covariance, weights)
+        step, implicit = np.empty((size, size)), np.empty((size, size))
+        _trapezoidal(arm.mass, arm.stiffness, seconds, DAMPING_RATIO, step, implicit)
+        # At rest without forces the displacements stay: what pushes them there is what the step takes away.
+        rest = 0.5 * (self.unloaded + arm.unloaded)
+        pushed = np.concatenate([rest, np.zeros(2 * count)]) - step[:, :count] @ rest
+        wandering = implicit[:, 2 * count :]
+        _predict(step, pushed, seconds * (wandering @ wandering.T), RATES, mean, covariance)
+        _correct(arm.stiffness, arm.noise, arm.forces, arm.unloaded, mean, covariance, fit)
+        weights *= np.exp(fit - fit.max())
+        weights /= weights.sum()
         return ForceFilter(mean, covariance, weights, arm.unloaded)
 
     @property
@@ -103,51 +114,61 @@ def _mix(
 
 
 @njit(cache=True, nogil=True)
-def _predict(
-    mass: Floats,
-    stiffness: Floats,
-    unloaded: Floats,
-    seconds: float,
-    rates: Floats,
-    damping_ratio: float,
-    mean: Floats,
-    covariance: Floats,
+def _trapezoidal(
+    mass: Floats, stiffness: Floats, seconds: float, damping_ratio: float, step: Floats, implicit: Floats
 ) -> None:
-    """Carry motion and forces on by the trapezoidal rule, which neither damps nor diverges."""
-    count = len(mass)
-    size, half = 3 * count, 0.5 * seconds
+    """Fill the step (1 - A dt/2)^-1 (1 + A dt/2) of displacements, speeds and forces; its first factor too."""
+    count, size, half = len(mass), len(step), 0.5 * seconds
     lighter, pulled, square = np.empty((count, count)), np.empty((count, count)), 0.0
     invert(mass, lighter)
     product(lighter, stiffness, pulled)
     for k in range(count):
         square += pulled[k, k] / count
     damping = 2.0 * damping_ratio / np.sqrt(square)
-    ahead, behind, implicit = np.eye(size), np.eye(size), np.empty((size, size))
+    ahead, behind = np.zeros((size, size)), np.zeros((size, size))
     for r in range(count):
-        ahead[r, count + r], behind[r, count + r] = half, -half
+        speed = count + r
+        ahead[r, speed], behind[r, speed] = half, -half
         for c in range(count):
-            for column, rate in (
-                (c, -pulled[r, c]), (count + c, -damping * pulled[r, c]), (2 * count + c, lighter[r, c]),
-            ):  # fmt: skip
-                ahead[count + r, column] += half * rate
-                behind[count + r, column] -= half * rate
+            ahead[speed, c] = -half * pulled[r, c]
+            ahead[speed, count + c] = -half * damping * pulled[r, c]
+            ahead[speed, 2 * count + c] = half * lighter[r, c]
+        for c in range(size):
+            behind[speed, c] = -ahead[speed, c]
+    for k in range(size):
+        ahead[k, k] += 1.0
+        behind[k, k] += 1.0
     invert(behind, implicit)
-    step, wandered, moved = np.empty((size, size)), np.empty((size, size)), np.empty(size)
     product(implicit, ahead, step)
-    pushed = np.empty((count, 1))
-    product(pulled, unloaded.reshape(count, 1), pushed)
+
+
+@njit(cache=True, nogil=True)
+def _predict(
+    step: Floats, pushed: Floats, wandering: Floats, rates: Floats, mean: Floats, covariance: Floats
+) -> None:
+    """Carry motion and forces on by the trapezoidal rule, which neither damps nor diverges.
+
+    Args:
+        step: As of ``_trapezoidal``, shape (size, size).
+        pushed: Effect of the arm's pressures and weight, shape (size,).
+        wandering: Covariance gained by forces that wander by one newton a second, shape (size, size).
+        rates: Of each filter, shape (filters,).
+        mean: Changed, shape (filters, size).
+        covariance: Likewise, shape (filters, size, size).
+    """
+    size = len(step)
+    moved, gained = np.empty(size), np.empty((size, size))
     for i in range(len(mean)):
         for r in range(size):
-            moved[r] = 0.0
+            moved[r] = pushed[r]
             for c in range(size):
                 moved[r] += step[r, c] * mean[i, c]
-            for k in range(count):
-                moved[r] += seconds * implicit[r, count + k] * pushed[k, 0]
-        mean[i] = moved
-        wandered.fill(0.0)
-        add_congruence(1.0, step, covariance[i], wandered)
-        add_congruence(seconds * rates[i] ** 2, implicit[:, 2 * count :], np.eye(count), wandered)
-        covariance[i] = wandered
+                gained[r, c] = rates[i] ** 2 * wandering[r, c]
+        add_congruence(1.0, step, covariance[i], gained)
+        for r in range(size):
+            mean[i, r] = moved[r]
+            for c in range(size):
+                covariance[i, r, c] = gained[r, c]
 
 
 @njit(cache=True, nogil=True)
@@ -158,38 +179,50 @@ def _correct(
     unloaded: Floats,
     mean: Floats,
     covariance: Floats,
-    weights: Floats,
+    fit: Floats,
 ) -> None:
-    """Compare the forces that would hold the pose at rest, K (u - u_0), with those estimated."""
+    """Compare the forces that would hold the pose at rest, K (u - u_0), with those estimated.
+
+    Args:
+        stiffness: K, shape (forces, forces).
+        noise: Covariance of the noise, shape (forces, forces).
+        forces: Estimated for an arm at rest, shape (forces,).
+        unloaded: u_0, shape (forces,).
+        mean: Changed, shape (filters, size).
+        covariance: Likewise, shape (filters, size, size).
+        fit: Filled with the logarithm of the likelihood of each filter, shape (filters,).
+    """
     count, size = len(forces), mean.shape[1]
     seen, spread = np.empty((count, size)), np.empty((count, count))
-    precision, innovation, gain = np.empty((count, count)), np.empty(count), np.empty(count)
-    fit = np.empty(len(mean))
+    precision, innovation = np.empty((count, count)), np.empty(count)
+    gain = np.empty((size, count))
     for i in range(len(mean)):
         product(stiffness, covariance[i, :count], seen)
         product(seen[:, :count], stiffness, spread)
-        spread += noise
-        logarithm, square = invert(spread, precision), 0.0
         for r in range(count):
             innovation[r] = forces[r]
             for k in range(count):
+                spread[r, k] += noise[r, k]
                 innovation[r] -= stiffness[r, k] * (mean[i, k] - unloaded[k])
+        fit[i] = -0.5 * invert(spread, precision)
         for r in range(count):
             for c in range(count):
-                square += innovation[r] * precision[r, c] * innovation[c]
-        fit[i] = np.log(weights[i]) - 0.5 * (square + logarithm)
+                fit[i] -= 0.5 * innovation[r] * precision[r, c] * innovation[c]
+        product(seen.T, precision, gain)
         for r in range(size):
-            for c in range(count):
-                gain[c] = 0.0
-                for k in range(count):
-                    gain[c] += seen[k, r] * precision[k, c]
-                mean[i, r] += gain[c] * innovation[c]
-            for c in range(r + 1):
-                for k in range(count):
-                    covariance[i, r, c] -= gain[k] * seen[k, c]
-                covariance[i, c, r] = covariance[i, r, c]
-    weights[:] = np.exp(fit - fit.max())
-    weights /= weights.sum()
+            for k in range(count):
+                mean[i, r] += gain[r, k] * innovation[k]
+        _subtract(gain, seen, covariance[i])
+
+
+@njit(cache=True, nogil=True)
+def _subtract(gain: Floats, seen: Floats, covariance: Floats) -> None:
+    """Subtract the gain times what is seen; the covariance stays symmetric."""
+    for r in range(len(covariance)):
+        for c in range(r + 1):
+            for k in range(len(seen)):
+                covariance[r, c] -= gain[r, k] * seen[k, c]
+            covariance[c, r] = covariance[r, c]
 
 
 def _weighed(shares: Floats, matrices: Floats) -> Floats:
