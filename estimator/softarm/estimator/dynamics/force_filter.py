@@ -117,7 +117,7 @@ def _mix(
 def _trapezoidal(
     mass: Floats, stiffness: Floats, seconds: float, damping_ratio: float, step: Floats, implicit: Floats
 ) -> None:
-    """Fill the step (1 - A dt/2)^-1 (1 + A dt/2) of displacements, speeds and forces; its first factor too."""
+    """Fill the step (1 - A dt/2)^-1 (1 + A dt/2) of displacements, speeds and forces, and its first part."""
     count, size, half = len(mass), len(step), 0.5 * seconds
     lighter, pulled, square = np.empty((count, count)), np.empty((count, count)), 0.0
     invert(mass, lighter)
