@@ -48,12 +48,12 @@ class Talk:
 
     Args:
         ask: Tells a person what to do and returns when it is done.
-        tell: Takes what was written before the rest is done.
+        notify: Takes what was written before the rest is done.
         advance: Called after each step.
     """
 
     ask: Callable[[str], None]
-    tell: Callable[[str], None]
+    notify: Callable[[str], None]
     advance: Callable[[], None]
 
 
@@ -100,13 +100,13 @@ def run_live(
     with live_rig(settings, talk.ask, sensors) as rig:
         rig.advance = talk.advance
         for lost in rig.lost():
-            talk.tell(lost)
+            talk.notify(lost)
         if name in PULLED:
             rig.require_gauge()
         done = _RUNS[name](rig, seed)
         specimen = rig.specimen
     kept = [str(save_recording(r, out / "recordings" / r.name, force=True)[0].parent) for r in done]
-    talk.tell(f"recorded: {', '.join(kept)}")
+    talk.notify(f"recorded: {', '.join(kept)}")
     result, plots = SeedResult(seed), out / "plots"
     if name == "calibrate":
         tables = _calibrated(specimen, done, out, talk.advance)

@@ -47,15 +47,15 @@ def test_amounts_are_in_the_units_that_people_read(value: float, unit: str, form
 
 def test_a_statement_follows_the_sign_of_its_parameter():
     gain = EFFECTS["chamber_gain"]
-    assert gain.tell(0.0 * gain.typical - 0.22, Place(chamber=2)) == (
+    assert gain.sentence(0.0 * gain.typical - 0.22, Place(chamber=2)) == (
         "Pressure in chamber 2 has 22 % less effect than in the model."
     )
-    assert "22 % more effect" in gain.tell(0.0 * gain.typical + 0.22, Place(chamber=2))
+    assert "22 % more effect" in gain.sentence(0.0 * gain.typical + 0.22, Place(chamber=2))
 
 
 @pytest.mark.parametrize("name", sorted(EFFECTS))
 def test_statements_are_sentences_without_si_angles_or_shares(name: str):
     effect = EFFECTS[name]
-    told = effect.tell(effect.typical, Place(segment="lower"))
+    told = effect.sentence(effect.typical, Place(segment="lower"))
     assert told[0].isupper()
     assert not re.search(r"\brad\b|\bPa\b.*\bPa\b.*\bPa\b|\bkg\b|the share", told)

@@ -68,7 +68,7 @@ def test_an_effect_describes_itself(name: str):
     for parameter in effect.parameters:
         assert parameter.lower <= parameter.typical <= parameter.upper
         assert parameter.transform == "linear" or parameter.lower > 0.0
-    told = effect.tell(effect.typical, effect.places(WORLD)[0])
+    told = effect.sentence(effect.typical, effect.places(WORLD)[0])
     assert "{" not in told
     assert told.endswith(".")
     assert effect.source

@@ -276,7 +276,7 @@ def unknown(
         effect="unknown",
         where=unexplained.where,
         when=unexplained.when,
-        statement=(differ if law is None else law.tell()) + ("" if law and law.regime else sits),
+        statement=(differ if law is None else law.sentence()) + ("" if law and law.regime else sits),
         parameters={},
         evidence=Evidence(
             0.0 if law is None else 0.5 * (law.gain - law.named_gain),
@@ -308,7 +308,7 @@ def _finding(
     probable, acts = _probable(search, choice, index)
     rivals, rejected = _rivals(search, accepted, probable)
     when = effect.when
-    statement = f"{effect.tell(theta, hypothesis.place)} {sentence_on(when)}"
+    statement = f"{effect.sentence(theta, hypothesis.place)} {sentence_on(when)}"
     return Finding(
         effect=effect.name,
         where=hypothesis.place,

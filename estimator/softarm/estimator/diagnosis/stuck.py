@@ -158,7 +158,7 @@ def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
         first = min(one.since for one in intervals)
         place = Place(sensor=sensor)
         where = "; ".join(f"{one.recording} from {one.since:.1f} to {one.until:.1f} s" for one in intervals)
-        words = EFFECTS["sensor_stuck"].tell(np.array([1.0, first]), place)
+        words = EFFECTS["sensor_stuck"].sentence(np.array([1.0, first]), place)
         moving = "its set-point" if sensor.startswith("pressure") else "the arm"
         gain = count * np.log(max(before, 1e-12) / max(after, 1e-6)) - 2.0 * np.log(count)
         share = 1.0 - after / max(before, 1e-12)

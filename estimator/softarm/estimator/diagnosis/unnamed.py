@@ -136,7 +136,7 @@ class UnnamedLaw:
             and joint_change < MATERIAL * self.joint_gain
         )
 
-    def tell(self) -> str:
+    def sentence(self) -> str:
         """Say how far the known effects fall short of it."""
         where = f" at {describe(self.place)} and depends on the {self.regime}" if self.regime else ""
         acts = f"Something that no known effect explains acts{where}."

@@ -52,7 +52,7 @@ class Vibration:
     relative_error: float
     frequency: float
 
-    def tell(self) -> str:
+    def sentence(self) -> str:
         """Describe it in one plain sentence."""
         return (
             f"The arm vibrates in these recordings; so does the model, at a lowest frequency of "
@@ -98,7 +98,7 @@ def fit_vibration(stages: Sequence[Stage], masses: Masses) -> tuple[Vibration | 
     mass = float(np.exp(logarithm))
     frequency = matrices[0].frequencies()[0] / np.sqrt(mass)
     vibration = Vibration(mass, (a, b), delay, float(np.sqrt(after / before)), float(frequency))
-    return vibration, (*notes, vibration.tell())
+    return vibration, (*notes, vibration.sentence())
 
 
 def with_vibration(stage: Stage, vibration: Vibration, masses: Masses) -> Stage:

@@ -235,7 +235,7 @@ class Effect:
         marker = self.hook == "sensing" and (place.sensor or "").startswith("marker_")
         return parameter.unit.replace("rad", "m") if marker else parameter.unit
 
-    def tell(self, theta: Floats, place: Place) -> str:
+    def sentence(self, theta: Floats, place: Place) -> str:
         """Describe the effect with these parameters at a place in one plain sentence."""
         values = {
             p.name: Amount(float(v), self.unit(p, place)) for p, v in zip(self.parameters, theta, strict=True)

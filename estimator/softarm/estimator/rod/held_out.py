@@ -91,12 +91,12 @@ def check_rod(
     )
     for number, (loads, rays) in enumerate(kinds):
 
-        def tell(done: int, every: int, number: int = number) -> None:
+        def advance(done: int, every: int, number: int = number) -> None:
             if progress is not None:
                 progress(number * every + done, len(kinds) * every)
 
         loaded = model.with_loads(loads)
-        samples = draw_samples(specimen, loaded, stations, rays, tell, executor)
+        samples = draw_samples(specimen, loaded, stations, rays, advance, executor)
         scale = load_scale(specimen, loaded, stations, plan.rotation)
         compared.append(compare(rod.with_loads(loads), samples, scale))
     return HeldOutReport(*compared)
