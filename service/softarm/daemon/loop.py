@@ -160,7 +160,7 @@ class ControlLoop:
         self.safety.advance(now_ns, (1 + tick.missed) / self._setup.config.control.rate_hz)
         self.estimates.submit(now_ns, after_ticks=1.5)
         self.safety.check(now_ns, self._clocks.unix_ns())
-        self._streams.commanded(self.controller.asked.tolist(), now_ns)
+        self._streams.commanded(self.controller.setpoint.tolist(), now_ns)
         if now_ns - self._published_ns >= STATE_EVERY_NS:
             self._publish_state(now_ns)
 

@@ -180,7 +180,7 @@ async def test_set_point_is_applied_expires_and_vents(bench):
     bench.tick(0.4)
     assert bench.valves.pressures == (1e4,) * 6
     bench.tick(0.2)
-    np.testing.assert_array_equal(bench.controller.asked, np.zeros(6))
+    np.testing.assert_array_equal(bench.controller.setpoint, np.zeros(6))
 
 
 async def test_out_of_limit_is_refused_and_nothing_moves(bench):

@@ -165,8 +165,8 @@ class CommandHandler:
         if controller.modes.allows(Trigger.FAULT):  # a service that ends has vented already
             client = sender(payload)
             controller.fire(Trigger.FAULT, f"stopped by {client}", client)
-        asked: Answer = {"asked_pa": controller.asked.tolist()}
-        return Applied(verb="stop", mode=controller.modes.mode, applied=asked)
+        setpoint: Answer = {"asked_pa": controller.setpoint.tolist()}
+        return Applied(verb="stop", mode=controller.modes.mode, applied=setpoint)
 
     def _checked(self, verb: str, payload: bytes) -> Request:
         model = VERBS.get(verb)
@@ -220,11 +220,11 @@ class CommandHandler:
     def _arm(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.ARMED)
         self._context.controller.fire(Trigger.ARM, f"{request.client} armed", request.client)
-        return {"asked_pa": self._context.controller.asked.tolist()}
+        return {"asked_pa": self._context.controller.setpoint.tolist()}
 
     def _disarm(self, request: MovingRequest) -> Answer:
         self._context.controller.fire(Trigger.DISARM, f"{request.client} disarmed", request.client)
-        return {"asked_pa": self._context.controller.asked.tolist()}
+        return {"asked_pa": self._context.controller.setpoint.tolist()}
 
     def _clear(self, request: Request) -> Answer:
         """Clear a fault; errors that the valves keep are acknowledged, and clear themselves."""
@@ -241,13 +241,15 @@ class CommandHandler:
         if controller.modes.mode not in (Mode.ARMED, Mode.EXPERIMENT):
             message = f"set-points are not taken in {controller.modes.mode}"
             raise RefusalError("wrong_mode", message, WAY_OUT[controller.modes.mode])
-        asked = controller.want(np.array(request.pressures_pa), request.lifetime_s, self._context.clock_ns())
-        return {"asked_pa": asked.tolist(), "lifetime_s": request.lifetime_s}
+        setpoint = controller.want(
+            np.array(request.pressures_pa), request.lifetime_s, self._context.clock_ns()
+        )
+        return {"asked_pa": setpoint.tolist(), "lifetime_s": request.lifetime_s}
 
     def _teach_start(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.TEACH)
         self._context.controller.fire(Trigger.TEACH, f"{request.client} teaches", request.client)
-        return {"asked_pa": self._context.controller.asked.tolist()}
+        return {"asked_pa": self._context.controller.setpoint.tolist()}
 
     async def _teach_hold(self, request: TeachHold) -> Answer:
         self._refuse_blocked(Mode.HOLDING)
@@ -297,7 +299,7 @@ class CommandHandler:
         sections = self._context.estimator_state.sections
         controller = self._context.controller
         held = controller.modes.mode is Mode.HOLDING
-        pressures = controller.asked if held else hold.pressures
+        pressures = controller.setpoint if held else hold.pressures
         pose = SavedPose(
             pressures_pa=tuple(float(p) for p in pressures),
             sections=sections,
@@ -337,8 +339,8 @@ class CommandHandler:
     def _teach_release(self, request: MovingRequest) -> Answer:
         controller = self._context.controller
         controller.fire(Trigger.RELEASE, f"{request.client} released", request.client)
-        controller.keep_asked(self._context.clock_ns(), RELEASE_LIFETIME_S)
-        return {"asked_pa": controller.asked.tolist(), "lifetime_s": RELEASE_LIFETIME_S}
+        controller.keep_setpoint(self._context.clock_ns(), RELEASE_LIFETIME_S)
+        return {"asked_pa": controller.setpoint.tolist(), "lifetime_s": RELEASE_LIFETIME_S}
 
     def _estimate_tare(self, request: Request) -> Answer:
         del request

@@ -76,12 +76,12 @@ class Controller:
         self._hold_limits = HoldLimits(control.hold_rate_per_s, control.hold_authority_pa, limits)
         self._wanted: Wanted | None = None
         self._hold: HoldControl | None = None
-        self._asked = np.zeros_like(limits)
+        self._setpoint = np.zeros_like(limits)
 
     @property
-    def asked(self) -> Floats:
+    def setpoint(self) -> Floats:
         """Set-points of the valves, gauge [Pa], shape (chambers,)."""
-        return self._asked
+        return self._setpoint
 
     @property
     def commanding(self) -> bool:
@@ -116,7 +116,7 @@ class Controller:
 
     def _vent(self, reason: str) -> None:
         self._wanted, self._hold = None, None
-        self._asked = np.zeros_like(self._limits)
+        self._setpoint = np.zeros_like(self._limits)
         self._valves.vent(reason)
 
     def acknowledge(self) -> bool:
@@ -139,7 +139,7 @@ class Controller:
         """
         self._command(pressures)
         self._wanted = Wanted(pressures, now_ns + round(lifetime_s * 1e9))
-        self._asked = pressures
+        self._setpoint = pressures
         return pressures
 
     def begin_hold(
@@ -147,7 +147,7 @@ class Controller:
     ) -> Transition:
         """Ramp from the present set-points to a goal and hold it."""
         transition = self.fire(Trigger.HOLD, cause, by)
-        self._hold = begin_hold(goal, self._asked, now_ns, ramp_s)
+        self._hold = begin_hold(goal, self._setpoint, now_ns, ramp_s)
         return transition
 
     def tick(self, now_ns: int, interval_s: float, measured: HoldAnswer | None) -> Transition | None:
@@ -164,10 +164,10 @@ class Controller:
         gone = self.lease.expire(now_ns)
         if gone is not None and self.modes.allows(Trigger.LEASE_LOST):
             return self.fire(Trigger.LEASE_LOST, f"{gone.holder} did not renew the lease")
-        self._asked = self._target(now_ns, interval_s, measured)
+        self._setpoint = self._target(now_ns, interval_s, measured)
         if self.modes.mode in PRESSURISED and self.commanding:
             try:
-                self._command(self._asked)
+                self._command(self._setpoint)
             except LimitError as error:
                 return self.fire(Trigger.FAULT, str(error))
         return None
@@ -191,6 +191,6 @@ class Controller:
             return np.zeros_like(self._limits)
         return self._wanted.pressures
 
-    def keep_asked(self, now_ns: int, lifetime_s: float) -> None:
+    def keep_setpoint(self, now_ns: int, lifetime_s: float) -> None:
         """Keep the present set-points for a while: leaving a hold must not vent at once."""
-        self._wanted = Wanted(self._asked, now_ns + round(lifetime_s * 1e9))
+        self._wanted = Wanted(self._setpoint, now_ns + round(lifetime_s * 1e9))

@@ -109,7 +109,7 @@ class Publisher:
             mode=controller.modes.mode,
             fault_cause=controller.modes.fault_cause,
             findings=tuple(self._findings()),
-            asked_pa=tuple(controller.asked.tolist()),
+            asked_pa=tuple(controller.setpoint.tolist()),
             applied_pa=tuple(inputs.applied.tolist()),
             measured_pa=self._measured(inputs.measured),
             sections=self._estimator_state.sections,
@@ -129,7 +129,7 @@ class Publisher:
         )
 
     def _measured(self, measured: Floats | None) -> tuple[float | None, ...]:
-        lost = (None,) * len(self._controller.asked)
+        lost = (None,) * len(self._controller.setpoint)
         return lost if measured is None else tuple(float(pressure) for pressure in measured)
 
     def _findings(self) -> list[HealthFinding]:
