@@ -249,15 +249,34 @@ def test_a_weak_second_effect_has_to_be_told_from_none():
     strong, weak = fit_of("tip_payload", 1.0, deviation=1.0), fit_of("line_lag", 1.0, deviation=1.0)
     both = strong.joined(weak)
     for told in (0.9, 1.1):
-        sizes = [1.0 / (told * TOLD) / h.effect.parameters[0].scale for h in both.hypotheses]
-        fit = replace(both, covariance=np.diag(np.square(sizes)))
+        deviations = [1.0 / (told * TOLD) / h.effect.parameters[0].scale for h in both.hypotheses]
+        sizes = replace(both, covariance=np.diag(np.square(deviations)))
         for share in (0.9, 1.1):
-            accepted = (
-                Accepted(candidate(strong, 100.0), judgement(), ()),
-                Accepted(candidate(weak, share * SECOND * 100.0), judgement(), ()),
-            )
-            lost = fragments(ChosenEffects(accepted, fit, 0.0, None), fit)
-            assert lost == ([1] if told < 1.0 and share < 1.0 else [])
+            gains = [100.0, share * SECOND * 100.0]
+            search = cast("Any", SimpleNamespace(contribution=lambda _, k, gains=gains: gains[k]))
+            assert fragments(search, both, sizes) == ({1: gains[1]} if told < 1.0 and share < 1.0 else {})
+
+
+def test_what_an_effect_adds_is_asked_beside_those_found_after_it():
+    """A denser arm gained most before the payload was found that explains the same."""
+    mass, payload = fit_of("distributed_mass", 0.1), fit_of("tip_payload", 0.02)
+    hysteresis = fit_of("hysteresis", 0.1, 0.3)
+    gains = {"distributed_mass": 700.0, "tip_payload": 720.0, "hysteresis": 600.0}
+
+    def refit(fit):
+        names = [h.name for h in fit.hypotheses]
+        masses = max((gains[name] for name in names if name != "hysteresis"), default=0.0)
+        return replace(fit, gain=masses + ("hysteresis" in names) * gains["hysteresis"])
+
+    every = refit(mass.joined(payload).joined(hysteresis))
+    search = SimpleNamespace(
+        refit=refit, bic_penalty=5.0, subset=lambda fit, kept: fit.selected(kept) if kept else None
+    )
+    search.contribution = lambda fit, k: Search.contribution(cast("Any", search), fit, k)
+    assert [search.contribution(every, k) for k in range(3)] == [-5.0, 15.0, 590.0]
+    assert search.contribution(refit(mass), 0) == 695.0
+    uncertain = replace(every, covariance=np.diag([4.0, 1e-4, 1e-4, 1e-4]))
+    assert fragments(cast("Any", search), every, uncertain) == {0: -5.0}
 
 
 class ArmOfOneEffect:

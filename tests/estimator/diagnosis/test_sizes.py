@@ -160,18 +160,18 @@ def test_the_weakest_of_uncertain_effects_is_taken_back_first(monkeypatch):
     places = (Place(section="tip"), Place(chamber=0), Place(segment="lower"))
     hypotheses = tuple(Hypothesis(EFFECTS[n], p) for n, p in zip(names, places, strict=True))
     fit = Fit(hypotheses, (np.array([0.1]),) * 3, 1e-4 * np.eye(3), 100.0, at_bound=False)
-    strong, weak, weaker = (SimpleNamespace(candidate=SimpleNamespace(delta_bic=d)) for d in (90, 20, 10))
-    choice = SimpleNamespace(fit=fit, accepted=(strong, weak, weaker))
+    gains = {"tip_payload": 90.0, "chamber_gain": 20.0, "segment_stiffness": 10.0}
+    choice = SimpleNamespace(fit=fit, accepted=names)
 
     def less(choice, lost):
         kept = [k for k in range(len(choice.accepted)) if k not in lost]
-        smaller = replace(fit, hypotheses=tuple(choice.fit.hypotheses[k] for k in kept))
-        return SimpleNamespace(fit=smaller, accepted=tuple(choice.accepted[k] for k in kept))
+        return SimpleNamespace(
+            fit=choice.fit.selected(kept), accepted=tuple(choice.accepted[k] for k in kept)
+        )
 
     monkeypatch.setattr(sizes, "sized", lambda _, own: replace(own, gain=1.0))
-    monkeypatch.setattr(
-        sizes, "fragments", lambda c, _: [k for k, a in enumerate(c.accepted) if a is not strong]
-    )
-    left, _, dropped = without_fragments(cast("Search", SimpleNamespace(without=less)), cast("Any", choice))
+    monkeypatch.setattr(sizes, "is_distinguishable", lambda own, k: own.hypotheses[k].name == "tip_payload")
+    gained = SimpleNamespace(without=less, contribution=lambda own, k: gains[own.hypotheses[k].name])
+    left, _, dropped = without_fragments(cast("Search", gained), cast("Any", choice))
     assert dropped == ["segment_stiffness", "chamber_gain"]
-    assert left.accepted == (strong,)
+    assert left.accepted == ("tip_payload",)

@@ -469,7 +469,11 @@ class Search:
 
     def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
         """Drop effects whose sizes are no longer distinguishable from zero once all are fitted together."""
-        needed = [k for k in range(len(accepted)) if is_distinguishable(fit, k) or self.missed(fit, k)]
+        needed = [
+            k
+            for k in range(len(accepted))
+            if is_distinguishable(fit, k) or self.contribution(fit, k) > LEAST_BIC
+        ]
         if len(needed) == len(accepted):
             return accepted, fit, frozenset()
         dropped = frozenset(accepted[k].candidate.number for k in range(len(accepted)) if k not in needed)
@@ -477,11 +481,11 @@ class Search:
         kept = [accepted[k] for k in needed]
         return kept, self.refit(reduced) if reduced is not None else None, dropped
 
-    def missed(self, fit: Fit, number: int) -> bool:
-        """Return whether the others explain much less without an effect, as where a wall is hard."""
+    def contribution(self, fit: Fit, number: int) -> float:
+        """Return what one effect gains in the criterion beside the others, fitted again without it."""
         others = self.subset(fit, [k for k in range(len(fit.thetas)) if k != number])
-        remaining_gain = self.refit(others).gain if others is not None else 0.0
-        return fit.gain - remaining_gain > LEAST_BIC + self.bic_penalty * len(fit.thetas[number])
+        left = self.refit(others).gain if others is not None else 0.0
+        return fit.gain - left - self.bic_penalty * len(fit.thetas[number])
 
     def without(self, choice: ChosenEffects, dropped: Sequence[int]) -> ChosenEffects:
         """Take effects back, and fit the others again."""

@@ -126,28 +126,35 @@ def without_fragments(
     dropped: list[EffectName] = []
     while choice.fit is not None:
         fit = sized(search, choice.fit)
-        lost = fragments(choice, fit) if fit is not choice.fit else []
+        lost = fragments(search, choice.fit, fit) if fit is not choice.fit else {}
         if not lost:
             return choice, fit, dropped
-        weakest = min(lost, key=lambda k: choice.accepted[k].candidate.delta_bic)
+        weakest = min(lost, key=lambda k: lost[k])
         dropped.append(choice.fit.hypotheses[weakest].name)
         choice = search.without(choice, [weakest])
     return choice, None, dropped
 
 
-def fragments(choice: ChosenEffects, fit: Fit) -> list[int]:
-    """List effects that may be what the law of a stronger one leaves.
+def fragments(search: Search, fit: Fit, sizes: Fit) -> dict[int, float]:
+    """Find effects that may be what the law of a stronger one leaves, or what another one says as well.
 
-    They gain less than ``SECOND`` of what it gains, and their sizes are not distinguishable from zero.
+    Beside all others they gain less than ``SECOND`` of what the strongest gains so, and their sizes are not
+    distinguishable from zero. What an effect gained before the others were known says nothing here: a payload
+    may first have been taken for a denser arm.
 
     Args:
-        choice: The effects.
-        fit: Their sizes.
+        search: The search that chose them.
+        fit: The effects, as it fitted them.
+        sizes: Their sizes.
+
+    Returns:
+        What each of them gains, by its number.
     """
-    gains = [one.candidate.delta_bic for one in choice.accepted]
-    return [
-        k for k, gain in enumerate(gains) if gain < SECOND * max(gains) and not is_distinguishable(fit, k)
-    ]
+    uncertain = [k for k in range(len(sizes.thetas)) if not is_distinguishable(sizes, k)]
+    if not uncertain or len(sizes.thetas) == 1:
+        return {}
+    gains = [search.contribution(fit, k) for k in range(len(fit.thetas))]
+    return {k: gains[k] for k in uncertain if gains[k] < SECOND * max(gains)}
 
 
 _NOTHING = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)
