@@ -5,6 +5,7 @@ import json
 import re
 import socket
 import time
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
@@ -17,6 +18,8 @@ from softarm.estimator.errors import InputError
 from softarm.fakes.rig import running
 from softarm.fakes.scenario import check_scenario
 from tests.drivers.valve_rig import MemoryTerminal, build
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -211,3 +214,11 @@ def test_no_qualisys_host_is_status_1(closed_port):
 
 def test_either_a_configuration_or_an_address_is_needed():
     assert CliRunner().invoke(command, []).exit_code == 2
+
+
+def test_a_configuration_that_the_service_refuses_is_refused_before_any_device_is_opened(tmp_path):
+    example = (ROOT / "deploy" / "config" / "sopra.toml").read_text("utf-8")
+    wrong = tmp_path / "wrong.toml"
+    wrong.write_text(example.replace("[control]", "[control]\nrate_hzz = 3", 1))
+    with pytest.raises(InputError, match=r"control\.rate_hzz: unknown key; did you mean 'rate_hz'"):
+        read_devices(wrong)

@@ -13,7 +13,7 @@ import click
 from softarm.cli.output import PATH, json_option, progress, show
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
-from softarm.daemon.config import ConfigError
+from softarm.daemon.config import ConfigError, load_config
 from softarm.daemon.control.lateness import LATE_NS, STARVED_PERCENT, read_pressure
 from softarm.drivers.clock import NANOSECONDS, PollTicker
 from softarm.drivers.config import DriverConfig
@@ -174,11 +174,12 @@ def _discover(address: str, *, as_json: bool) -> int:
 
 
 def read_devices(path: Path) -> tuple[DriverConfig, ...]:
-    """Read the ``[[devices]]`` of a configuration; its other tables do not matter here.
+    """Read the ``[[devices]]`` of a configuration, which may have other tables or not.
 
     Raises:
         InputError: The file cannot be read, is not TOML, or has no devices.
-        ConfigError: Its devices are wrong, all errors at once.
+        ConfigError: Its devices are wrong, or it is a configuration that the service refuses, all errors at
+            once.
     """
     try:
         table = tomllib.loads(path.read_text(encoding="utf-8"))
@@ -186,6 +187,8 @@ def read_devices(path: Path) -> tuple[DriverConfig, ...]:
         raise InputError(str(path), f"cannot be read ({error.strerror})", "give a configuration") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputError(str(path), f"is not TOML ({error})", "correct the file") from None
+    if "specimen" in table:
+        load_config(path)
     devices = table.get("devices")
     if not isinstance(devices, list) or not devices:
         raise InputError(str(path), "names no devices", "add [[devices]] with name and kind")

@@ -66,7 +66,8 @@ class ConfigError(InputError):
 
     def __init__(self, path: Path, lines: list[str]) -> None:
         listed = "".join(f"\n  {line}" for line in lines)
-        super().__init__(str(path), f"{len(lines)} error(s)", f"correct them:{listed}")
+        count = "1 error" if len(lines) == 1 else f"{len(lines)} errors"
+        super().__init__(str(path), count, f"correct the file:{listed}")
         self.lines = lines
 
 
