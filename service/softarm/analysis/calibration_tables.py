@@ -53,13 +53,11 @@ def calibration_tables(outcome: Calibrated) -> tuple[Table, ...]:
         for entry in outcome.identified
     ]
     handed = ", ".join(
-        f"{name} {'left' if mirrored else 'right'}" for name, mirrored in outcome.mirrored.items()
+        f"{name} {'left' if mirrored else 'right'}-handed" for name, mirrored in outcome.mirrored.items()
     )
     notes = (
         f"{outcome.fitted} unknowns fitted to {outcome.nodes} samples; {outcome.status}; "
-        f"motion lags the pressures by {lags}"
-        + (f"; axes of bends: {handed}-handed" if handed else "")
-        + ".",
+        f"motion lags the pressures by {lags}" + (f"; axes of bends: {handed}" if handed else "") + ".",
         "A modulus is the logarithm of the factor on the specimen's.",
     )
     return (

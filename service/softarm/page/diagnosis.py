@@ -140,5 +140,5 @@ def _finding(finding: FindingPart) -> str:
         rows["probability"] = f"{100.0 * finding.probability:.0f} %"
     table = "".join(f"<tr><td>{plain(n)}</td><td><b>{plain(v)}</b></td></tr>" for n, v in rows.items())
     rivals = "; ".join(map(_title, finding.confusable_with))
-    untold = f"Not to be told from it here: {plain(rivals)}." if rivals else ""
-    return f"{plain(finding.statement)}<table>{table}</table>{untold}"
+    confusable = f"These recordings cannot distinguish it from: {plain(rivals)}." if rivals else ""
+    return f"{plain(finding.statement)}<table>{table}</table>{confusable}"

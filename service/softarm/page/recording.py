@@ -107,7 +107,7 @@ class RecordingPage:
         self._scene.show_surface(points, np.zeros(len(points)))
         self._scene.show_sections(instant.sections)
         self._scene.show_loads(instant.loads, instant.sections)
-        self._forces.content = readings.forces(instant.loads, instant.sections, _gauges(instant))
+        self._forces.content = readings.forces(instant.loads, instant.sections, gauge_note(instant))
         self._pressures.content = readings.pressures(
             {"set-point": instant.setpoints_pa, "measured": instant.measured_pa},
             self._specimen.pressure_limits,
@@ -139,6 +139,7 @@ def _event(event: RecordedEvent) -> str:
     return f'<span class="{style}">{event.time_s:.2f} s, {kind}: {where}{plain(event.text)}</span>'
 
 
-def _gauges(instant: Instant) -> str:
-    pulls = (f"{plain(name)} {pull:.3f} N" for name, pull in instant.gauges_n.items() if pull is not None)
-    return f"Force gauge: {', '.join(pulls)}." if instant.gauges_n else ""
+def gauge_note(instant: Instant) -> str:
+    """Write the pull of each force gauge that has read by then."""
+    pulls = [f"{plain(name)} {pull:.3f} N" for name, pull in instant.gauges_n.items() if pull is not None]
+    return f"Force gauge: {', '.join(pulls)}." if pulls else ""

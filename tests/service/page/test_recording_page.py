@@ -10,6 +10,8 @@ pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
 from softarm.cli.page import command
 from softarm.estimator.errors import InputError
+from softarm.page.playback import Instant
+from softarm.page.recording import gauge_note
 from tests.service.page.test_server import free_port
 
 EXAMPLE = Path(__file__).parents[3] / "examples" / "recordings" / "sopra_pull"
@@ -24,6 +26,11 @@ def test_a_recording_without_estimates_is_refused_before_a_page_is_open():
             catch_exceptions=False,
         )
     assert not signal.pthread_sigmask(signal.SIG_BLOCK, ())
+
+
+@pytest.mark.parametrize(("pull", "written"), [(None, ""), (0.1, "Force gauge: tip 0.100 N.")])
+def test_a_gauge_is_written_once_it_has_read(pull, written):
+    assert gauge_note(Instant((), (), (), (), {"tip": pull})) == written
 
 
 @pytest.mark.parametrize(
