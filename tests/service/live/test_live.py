@@ -1,6 +1,7 @@
 """A service and fakes as processes, over zenoh: from teaching to the death of each process, in this order."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -12,6 +13,7 @@ import pytest
 from mcap.reader import make_reader
 from mcap_protobuf.decoder import DecoderFactory
 
+from acceptance.processes import child_of
 from acceptance.safety_processes import other_client
 from softarm.recordings import load_recording
 from softarm_client.session import client_settings, open_session
@@ -36,6 +38,16 @@ pytestmark = pytest.mark.timeout(240)  # the estimator compiles its kernels in a
 HANDS = {"a": [0.3, 0.12, 0.0], "b": [-0.1, 0.2, 0.0]}
 NEAR_M = 0.008
 """The mean over poses and arms is half of this (docs/experiments.md)."""
+
+
+def test_loop_and_devices_run_before_other_programs_and_the_estimator_does_not(rig, client):
+    words = [sys.executable, "-c", "from softarm.common.real_time import run_first; run_first(); import os; "]
+    words[-1] += "print(os.sched_getscheduler(0))"
+    permitted = int(subprocess.run(words, capture_output=True, check=True).stdout)
+    service = rig.service.process.pid
+    policies = [os.sched_getscheduler(pid) for pid in (service, rig.fakes.process.pid)]
+    assert policies == [permitted, permitted]
+    assert os.sched_getscheduler(child_of(service)) == os.SCHED_OTHER
 
 
 def test_poses_taught_by_hand_are_held_saved_and_found_again(client, fakes):
