@@ -73,6 +73,7 @@ class ArmScene:
         }
         for index, chamber in enumerate(specimen.chambers):
             self._label_chamber(index, chamber, specimen)
+        self._balls: dict[str, viser.IcosphereHandle] = {}
         self._shown = self._rest, np.zeros(len(self._rest))
         self._stale = False
         self._drawing = threading.Lock()
@@ -160,26 +161,33 @@ class ArmScene:
             head_radius=0.005,
             head_length=0.012,
         )
-        self._scene.add_icosphere(
-            f"/base/live/deviation/{load.section}",
-            radius=max(METRES_PER_NEWTON * load_deviation(load), 1e-4),
-            color=rgb,
-            opacity=0.3,
-            position=tuple(head),
-        )
+        radius = max(METRES_PER_NEWTON * load_deviation(load), 1e-4)
+        self._show_ball(f"/base/live/deviation/{load.section}", radius, head, rgb, 0.3)
 
     def show_contact(self, contact: Contact | None) -> None:
         """Draw a ball around the arm where the contact is."""
-        layer = self._layer(0.0 if contact is None else contact.height_m)
+        ball = "/base/live/contact"
+        if contact is None:
+            if ball in self._balls:
+                self._balls[ball].visible = False
+            return
+        layer = self._layer(contact.height_m)
         points, _ = self._shown
-        self._scene.add_icosphere(
-            "/base/live/contact",
-            radius=1.15 * self._radius(layer, points),
-            color=(250, 220, 60),
-            opacity=0.35,
-            position=tuple(points[layer].mean(axis=0)),
-            visible=contact is not None,
-        )
+        radius = 1.15 * self._radius(layer, points)
+        self._show_ball(ball, radius, points[layer].mean(axis=0), (250, 220, 60), 0.35)
+
+    def _show_ball(
+        self, name: str, radius: float, centre: Floats, colour: tuple[int, int, int], opacity: float
+    ) -> None:
+        """Draw a ball, or move the one that is there: a browser draws a new one at the origin first."""
+        place = (float(centre[0]), float(centre[1]), float(centre[2]))
+        ball = self._balls.get(name)
+        if ball is None:
+            self._balls[name] = self._scene.add_icosphere(
+                name, radius=radius, color=colour, opacity=opacity, position=place
+            )
+            return
+        ball.radius, ball.position, ball.visible = radius, place, True
 
     def show_note(self, text: str, nodes: NDArray[np.bool_]) -> None:
         """Write a text beside some nodes of the surface; without any nodes there is none.

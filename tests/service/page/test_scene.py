@@ -16,6 +16,7 @@ LOAD = LoadEstimate(section="tip", force_n=(0.3, 0.0, 0.0), covariance_n2=tuple(
 TIP = SectionPose(section="tip", position_m=(0.05, 0.0, 0.2), quaternion_wxyz=(0.8, 0.6, 0.0, 0.0))
 RING = [(0.03, 0.0), (0.0, 0.03), (-0.03, 0.0), (0.0, -0.03)]
 SURFACE = Surface(triangles=((0, 1, 4),), rest_m=tuple((x, y, z) for z in (0.0, 0.2) for x, y in RING))
+CONTACT = Contact(height_m=0.19, height_std_m=0.01, force_n=(0.3, 0.0), since_unix_ns=1)
 
 
 def hanging(gravity=9.81):
@@ -40,7 +41,7 @@ def node(server, name):
 def test_forces_stay_hidden_while_the_view_is_grey(server, scene):
     scene.show_stale(True)
     scene.show_loads((LOAD,), [TIP])
-    scene.show_contact(None)
+    scene.show_contact(CONTACT)
     assert not node(server, "/base/live").visible  # and with it whatever is drawn below it
     assert {"/base/live/force/tip", "/base/live/contact"} <= set(server.scene._handle_from_node_name)
     scene.show_stale(False)
@@ -58,14 +59,23 @@ def test_force_starts_at_its_section_with_fifteen_centimetres_a_newton(server, s
 def test_contact_is_drawn_around_the_bent_arm_at_its_height(server, scene):
     bent = np.array(SURFACE.rest_m) + np.array([0.02, 0.0, 0.0])
     scene.show_shape(np.column_stack([bent, np.zeros(8)]).astype("<f4").tobytes())
-    place = Contact(height_m=0.19, height_std_m=0.01, force_n=(0.3, 0.0), since_unix_ns=1)
-    scene.show_contact(place)
+    scene.show_contact(None)
+    scene.show_contact(CONTACT)
     ball = node(server, "/base/live/contact")
     np.testing.assert_allclose(ball.position, (0.02, 0.0, 0.2), atol=1e-6)
     assert ball.visible
     assert ball.radius > 0.03
     scene.show_contact(None)
-    assert not node(server, "/base/live/contact").visible
+    assert not ball.visible
+
+
+def test_a_ball_that_moves_is_not_drawn_anew(server, scene):
+    """A browser draws a new node at the origin first, so that one made anew with each message stays there."""
+    scene.show_contact(CONTACT)
+    ball = node(server, "/base/live/contact")
+    scene.show_contact(CONTACT.model_copy(update={"height_m": 0.0}))
+    assert node(server, "/base/live/contact") is ball
+    np.testing.assert_allclose(ball.position, (0.0, 0.0, 0.0), atol=1e-6)
 
 
 def test_sections_follow_their_poses_and_chambers_are_numbered_at_their_azimuth(server, scene):
