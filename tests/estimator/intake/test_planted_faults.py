@@ -145,6 +145,19 @@ def test_an_event_is_found_and_left_out_of_fits(good: Recording, name: str, unit
     assert all(event.size_rad > np.radians(2.0) for event in intake.events)
 
 
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize("asked", [True, False])
+def test_an_idle_chamber_that_the_bent_arm_squeezes_keeps_its_unit(good: Recording, *, asked: bool) -> None:
+    bend = good.columns["bend_intermediate_x_rad"]
+    squeezed = 300.0 * (bend - np.nanmin(bend))
+    columns = {**good.columns, "pressure_2_pa": squeezed, "pressure_cmd_2_pa": np.zeros(len(squeezed))}
+    if not asked:
+        columns = {name: values for name, values in columns.items() if "cmd" not in name}
+    mended, found = mend_units(Recording("run", good.time, columns, good.info), SPECIMEN)
+    assert not found
+    np.testing.assert_array_equal(mended.columns["pressure_2_pa"], squeezed)
+
+
 def test_a_body_that_is_found_elsewhere_is_an_event(good: Recording) -> None:
     intake = take_in(arm.lost_and_found(at=50.5)(good), SPECIMEN)
     assert any("bend_tip" in event.channels for event in intake.events)

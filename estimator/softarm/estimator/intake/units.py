@@ -171,13 +171,19 @@ def _span(column: Floats) -> float:
 
 
 def _acts(recording: Recording, specimen: Specimen, name: str, usual: float) -> bool:
-    """Return whether a pressure that hardly changes acts: as its other column does, or on the bends."""
+    """Return whether a pressure that hardly changes acts: as its other column does, or on the bends.
+
+    Where its other column rests or was never read, the chamber may be idle: what a closed one reads follows
+    the bends as well.
+    """
     other = name.replace("pressure_", "pressure_cmd_") if "cmd" not in name else name.replace("cmd_", "")
     own, partner = recording.columns[name], recording.columns.get(other)
-    if partner is not None and _span(partner) > usual / STRAYED:
-        both = np.isfinite(own) & np.isfinite(partner)
-        if both.sum() > 2 and float(np.corrcoef(own[both], partner[both])[0, 1]) > FOLLOWED:
-            return True
+    if partner is None or _span(partner) == 0.0:
+        return False
+    both = np.isfinite(own) & np.isfinite(partner)
+    moves = _span(partner) > usual / STRAYED and both.sum() > 2
+    if moves and float(np.corrcoef(own[both], partner[both])[0, 1]) > FOLLOWED:
+        return True
     bends = _bends_or_places(recording, specimen)
     if bends is None:
         return False
