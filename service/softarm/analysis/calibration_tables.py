@@ -66,10 +66,10 @@ def calibration_tables(outcome: Calibrated) -> tuple[Table, ...]:
             "Prediction error, rms",
             [_error_row(outcome, name) for name in outcome.check.training],
             (
-                f"Held out: alternate blocks that no fit has seen. Line: ordinary linear regression of the "
+                f"Held out: alternate blocks, left out of the fit. Line: ordinary linear regression of the "
                 f"readings on the pressures, {outcome.check.line_parameters} numbers fitted on these blocks."
                 if outcome.check.line
-                else "Held out: alternate blocks or recordings that no fit has seen.",
+                else "Held out: alternate blocks or recordings, left out of the fit.",
             ),
         ),
     )

@@ -1,4 +1,4 @@
-"""Calibration of a specimen on recordings, checked on blocks of them that no fit has seen."""
+"""Calibration of a specimen on recordings, checked on blocks of them that were left out of the fit."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -215,7 +215,7 @@ def expected_gain(search: Search, fit: Fit, rest: Fit | None) -> float:
 
 
 def _confirming(parts: Sequence[NormalEquations]) -> list[NormalEquations]:
-    """List the stretches on which a choice is confirmed: no fit has seen them, and they are not reported."""
+    """List the stretches on which a choice is confirmed: left out of the fit, and not reported either."""
     return [part for part in parts if part.heldout and not part.reported]
 
 

@@ -1,4 +1,4 @@
-"""What is left of data that no fit has seen: its size by channel, whether it is noise, where it is worst."""
+"""The residual of held-out data: its size by channel, whether it is noise, where it is worst."""
 
 from collections.abc import Iterator, Sequence
 

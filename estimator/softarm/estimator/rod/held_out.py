@@ -17,7 +17,7 @@ from softarm.estimator.rotations import log
 from softarm.estimator.specimen import Specimen
 
 UNTRAINED = (0.35, 0.6, 0.9)
-"""Where between the ends of a soft segment loads act that no fit has seen."""
+"""Where between the ends of a soft segment loads act that are left out of the fit."""
 SEARCH_STEPS = 12
 CONTACTS = ((True, 3.0), (True, 1.0))
 """Rays of lateral forces between sections: one contact at a time."""

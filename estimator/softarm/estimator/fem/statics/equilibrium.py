@@ -207,7 +207,7 @@ def descend(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, setti
         if factor is None:
             return Corrected(Solution(displacement, SolveStatus.INVERTED, iteration, np.inf), balance, None)
         if balance.norm < SADDLE:
-            # Forces also balance at a saddle: only a positive definite tangent tells that the equilibrium is
+            # Forces also balance at a saddle: only a positive definite tangent shows that the equilibrium is
             # stable.
             exact = exact_factor(body, balance)
             if exact is None:
