@@ -1,4 +1,4 @@
-"""``softarm bench real-data``: calibrate on real recordings, predict what no fit has seen."""
+"""``softarm bench real-data``: calibrate on real recordings, predict what was left out of the fit."""
 
 import os
 import subprocess

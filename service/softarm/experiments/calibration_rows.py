@@ -37,7 +37,7 @@ def unknown_rows(outcome: Calibrated) -> list[Cells]:
 
 
 def comparison_rows(nominal: Specimen, joint: Specimen, runs: Runs, models: Models) -> list[Cells]:
-    """Predict poses and pulls that were left out of the fit with the paper's two calibrations and the joint one."""
+    """Predict held-out poses and pulls with the paper's two calibrations and the joint one."""
     solver = models(nominal)
     paper = calibrate_as_paper(solver, nominal, runs("sweep", nominal), runs("pulls", nominal))
     cases = (
