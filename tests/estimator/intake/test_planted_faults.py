@@ -158,6 +158,14 @@ def test_an_idle_chamber_that_the_bent_arm_squeezes_keeps_its_unit(good: Recordi
     np.testing.assert_array_equal(mended.columns["pressure_2_pa"], squeezed)
 
 
+@pytest.mark.parametrize("name", ["kilopascals", "one chamber in kilopascals"])
+def test_pressures_that_are_stated_to_be_in_pascals_are_left_alone(good: Recording, name: str) -> None:
+    stated = arm.stated(pressure_unit="Pa")(MENDED[name][0](good))
+    mended, found = mend_units(stated, SPECIMEN)
+    assert not found
+    np.testing.assert_array_equal(mended.columns["pressure_1_pa"], stated.columns["pressure_1_pa"])
+
+
 def test_a_body_that_is_found_elsewhere_is_an_event(good: Recording) -> None:
     intake = take_in(arm.lost_and_found(at=50.5)(good), SPECIMEN)
     assert any("bend_tip" in event.channels for event in intake.events)

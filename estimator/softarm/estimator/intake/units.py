@@ -97,6 +97,8 @@ def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
         The recording, mended where one explanation wins, and what was found.
     """
     mended, lengths = _lengths(recording, specimen)
+    if _declared_pascals(recording):
+        return mended, lengths
     mended, strays = _single_chambers(mended, specimen)
     mended, found = _pressures_and_bends(mended, specimen)
     return mended, (*lengths, *strays, *found)
@@ -111,7 +113,7 @@ def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
 def _pressures_and_bends(
     recording: Recording, specimen: Specimen
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    if not specimen.pressure_limits or not recording.chambers or _declared_pascals(recording):
+    if not specimen.pressure_limits or not recording.chambers:
         return recording, ()
     choice = choose(_explanations(recording, specimen))
     found = choice.best.what
