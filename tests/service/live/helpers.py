@@ -8,9 +8,11 @@ import numpy as np
 PATIENCE_S = 20.0
 """For what is waited for, not timed."""
 VENTED_MBAR = [0] * 6
-STILL_M = 3e-4
-RESTING_M = 1e-3
-"""Of the estimated tip, whose deviation is a few tenths of it."""
+STILL_M = 1.5e-3
+"""A held pose moves by a third of this from look to look, as estimates do."""
+SWING_S = 1.0
+"""Two periods of the arm's slowest vibration: two looks alone could meet it in the same phase."""
+LOOKS = 8
 NEAR_PA = 8e3
 VENTED_S = 0.3
 """The fakes' own clock holds 0.2 s in test_faults; asking them takes its time on a busy machine."""
@@ -69,15 +71,20 @@ def _bring_to(client, mode, pressure):
 
 
 def _at_rest(client):
-    deadline, before = time.monotonic() + PATIENCE_S, np.inf
-    while np.abs((now := _tip(client)) - before).max() > RESTING_M:
+    return _once_at_rest(client, client.state, lambda state: np.array(state.sections[-1].position_m))
+
+
+def _once_at_rest(client, look, positions):
+    """Return what a look shows once the positions have hardly moved through whole periods of vibration."""
+    deadline = time.monotonic() + PATIENCE_S
+    while True:
+        begin, looks = time.monotonic(), []
+        while len(looks) < LOOKS or time.monotonic() - begin < SWING_S:
+            looks.append(look())
+            later(client, SWING_S / LOOKS)
+        if np.ptp([positions(seen) for seen in looks], axis=0).max() < STILL_M:
+            return looks[-1]
         assert time.monotonic() < deadline, "the arm does not come to rest"
-        before = now
-        later(client, 0.4)
-
-
-def _tip(client):
-    return np.array(client.state().sections[-1].position_m)
 
 
 def _until(client, accept):
@@ -106,14 +113,7 @@ def later(client, seconds):
 
 def still(client, fakes):
     """Return the true pose of the arm once it no longer moves."""
-    deadline, before = time.monotonic() + PATIENCE_S, pose(fakes)
-    while True:
-        later(client, 0.4)
-        now = pose(fakes)
-        if np.abs(now[0] - before[0]).max() < STILL_M:
-            return now
-        assert time.monotonic() < deadline, "the arm does not come to rest"
-        before = now
+    return _once_at_rest(client, lambda: pose(fakes), lambda truth: truth[0])
 
 
 def settled(client):
