@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -28,6 +30,44 @@ def test_what_cannot_decide_is_refused_with_what_is_missing(recording: Recording
     with pytest.raises(InputError, match=words) as caught:
         admit([recording], [], SOPRA)
     assert "record" in str(caught.value)
+
+
+def _named(recording: Recording, name: str) -> Recording:
+    return replace(recording, name=name)
+
+
+@pytest.mark.parametrize(
+    ("bad", "words"),
+    [
+        (_recording(seconds=0.4), "8 samples in 0.35 s are too short"),
+        (_recording(specimen="single_segment"), "was recorded on 'single_segment', not on 'sopra'"),
+        (_recording(bend=np.nan), "no reading of the motion is left"),
+    ],
+)
+@pytest.mark.parametrize("nominal", [True, False])
+def test_one_of_several_that_cannot_decide_is_set_aside(bad: Recording, words: str, *, nominal: bool) -> None:
+    good, bad = _named(_recording(), "good"), _named(bad, "bad")
+    groups = ([good], [good, bad]) if nominal else ([good, bad], [good])
+    admitted = admit(*groups, SOPRA)
+    assert admitted.suspects == admitted.nominal == (good,)
+    (note,) = admitted.notes
+    assert note.startswith("bad")
+    assert words in note.partition("; set aside, ")[0]
+    with pytest.raises(InputError, match=words):
+        admit([good] if nominal else [bad], [bad] if nominal else [good], SOPRA)
+
+
+def test_a_recording_without_chambers_that_others_hold_is_set_aside() -> None:
+    few = _recording()
+    levels = {f"pressure_{k}_pa": few.columns["pressure_3_pa"] for k in range(6)}
+    whole = Recording("whole", few.time, few.columns | levels)
+    admitted = admit([few, whole], [], SOPRA)
+    assert admitted.suspects == (whole,)
+    assert (
+        "run: lacks the pressures of chambers 0, 1, 2, 4, 5, which other recordings hold" in admitted.notes[0]
+    )
+    valves = Recording("valves", few.time, {"pressure_3_pa": few.columns["pressure_3_pa"]})
+    assert admit([valves, whole], [], SOPRA).suspects == (valves, whole)
 
 
 def test_a_recording_of_another_specimen_is_refused() -> None:

@@ -1,10 +1,13 @@
 """Sensors that stand still are named, and what they read is not believed."""
 
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from softarm.analysis.diagnosis.workers import Inline
+from softarm.estimator.diagnosis.diagnose import assemble
 from softarm.estimator.diagnosis.nuisances import calibrate_sessions
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.stuck import (
@@ -12,6 +15,7 @@ from softarm.estimator.diagnosis.stuck import (
     stuck_findings,
     stuck_pressures,
     without_pressures,
+    without_repeated,
     without_stuck,
 )
 from softarm.estimator.recording import Recording
@@ -53,6 +57,33 @@ def test_a_late_sensor_is_not_stuck(stages: tuple[Stage, Stage]) -> None:
     stage = calibrate_sessions(model(), [run]).stage(model(), held)
     late = np.roll(stage.base, 1, axis=0)  # a fifth of a second
     assert find_stuck(replace(stage, session=replace(held, readings=late))) == ()
+
+
+def test_a_calibration_sees_nothing_of_a_sensor_that_repeats_itself() -> None:
+    run = session("nominal", 0, nominal=True)
+    readings = run.readings.copy()
+    readings[:, 2:] = readings[90, 2:]
+    stopped = replace(run, readings=readings)
+    blind = without_repeated(stopped)
+    assert np.isnan(blind.readings[:, 2:]).all()
+    np.testing.assert_array_equal(blind.readings[:, :2], run.readings[:, :2])
+    at_rest = replace(stopped, pressures=np.tile(run.pressures[:1], (run.samples, 1)))
+    np.testing.assert_array_equal(without_repeated(at_rest).readings, readings)
+    np.testing.assert_array_equal(without_repeated(run).readings, run.readings)
+
+
+def test_a_sensor_that_stops_in_a_nominal_recording_moves_no_calibration() -> None:
+    runs = [session("nominal", 0, nominal=True), session("other", 2, nominal=True), session("run", 11)]
+    readings = runs[0].readings.copy()
+    readings[:, 2:] = readings[90, 2:]
+    whole, stopped = (
+        assemble(model(), sessions, Inline(), ["chamber_gain"])
+        for sessions in (runs, [replace(runs[0], readings=readings), *runs[1:]])
+    )
+    words = r"nominal: bend_tip stands still from .* to .* s; it is left out meanwhile\."
+    assert any(re.fullmatch(words, note) for note in stopped.notes)
+    assert stopped.stuck == ()
+    np.testing.assert_allclose(stopped.evidence.fitted.values, whole.evidence.fitted.values, atol=0.02)
 
 
 def _valve(given: np.ndarray, asked: np.ndarray) -> Recording:

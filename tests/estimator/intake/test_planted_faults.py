@@ -309,3 +309,44 @@ def test_a_recording_of_three_chambers_is_refused_for_an_arm_of_six_whatever_fil
     recording = Recording("mine", whole.time, columns, {"specimen": "/somewhere/tri.toml"})
     (refusal,) = take_in(recording, SPECIMEN).refusals
     assert "it has chambers 0, 1, 2, the specimen 6" in str(refusal)
+
+
+def _frozen(recording: Recording, rows: slice, *, live: str = "") -> Recording:
+    """Repeat the first reading of every pressure in some rows; ``live`` columns go on."""
+    columns = {name: values.copy() for name, values in recording.columns.items()}
+    for name in columns:
+        if name.startswith("pressure_") and not (live and name.startswith(live)):
+            columns[name][rows] = columns[name][rows][0]
+    return Recording(recording.name, recording.time, columns, recording.info)
+
+
+@pytest.mark.parametrize(("rows", "begin"), [(slice(0, None), 2.0), (slice(900, None), 46.0)])
+def test_pressures_that_are_frozen_while_the_arm_moves_are_named_and_left_out(
+    good: Recording, rows: slice, begin: float
+) -> None:
+    intake = take_in(_frozen(good, rows), SPECIMEN)
+    (sentence,) = intake.sentences
+    assert re.search(
+        r"every pressure reads one and the same number while \w+ moves by .* there and back", sentence
+    )
+    inside = (good.time > begin) & (good.time < 75.0)
+    assert not np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][inside]).any()
+    before = good.time < good.time[rows.start] - 1.0
+    assert np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][before]).all()
+
+
+@pytest.mark.usefixtures("without_events")
+def test_pressures_that_rest_while_the_arm_swings_creeps_or_is_pulled_are_not_frozen(good: Recording) -> None:
+    time = good.time
+    rest = {name: np.full(len(time), 2e4) for name in good.columns if name.startswith("pressure_")}
+    swing = 0.5 * np.exp(-time / 5.0) * np.cos(9.0 * time) + 0.3 * np.exp(-time / 10.0)
+    left = {"bend_tip_x_rad": swing, "bend_tip_y_rad": 0.2 * swing}
+    assert not take_in(Recording("run", time, rest | left, good.info), SPECIMEN).sentences
+    pulled = {"bend_tip_x_rad": 0.3 * np.sin(0.2 * time), "bend_tip_y_rad": 0.0 * time}
+    gauge = {"gauge_cord_n": 0.5 * np.abs(np.sin(0.2 * time)) + 0.1}
+    assert not take_in(Recording("run", time, rest | pulled | gauge, good.info), SPECIMEN).sentences
+
+
+def test_a_frozen_sensor_whose_set_point_goes_on_loses_nothing(good: Recording) -> None:
+    intake = take_in(_frozen(good, slice(400, None), live="pressure_cmd"), SPECIMEN)
+    assert not intake.excluded

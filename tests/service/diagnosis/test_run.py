@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from softarm.analysis.diagnosis.run import DiagnosisRequest, improved_specimen, run
+from softarm.analysis.diagnosis.run import DiagnosisRequest, improved_specimen, loaded, run
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.common.shipped import fake_specimen
 from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome
@@ -59,6 +59,18 @@ def test_another_specimen_is_refused(moving: Path) -> None:
 def test_a_recording_that_is_too_short_or_too_still_is_refused(tmp_path: Path) -> None:
     _refused("too short", _write(tmp_path / "short", [f"{0.1 * k},1000,0.1,0.1" for k in range(9)]))
     _refused("nothing moves", _write(tmp_path / "still", [f"{0.1 * k:.1f},1000,0.1,0.1" for k in range(99)]))
+
+
+def test_a_recording_without_samples_is_set_aside_and_a_path_that_is_mistyped_is_not(
+    moving: Path, tmp_path: Path
+) -> None:
+    empty = _write(tmp_path / "empty", [])
+    _refused("holds no samples", empty)
+    request = DiagnosisRequest((empty, moving), (), SOPRA)
+    suspects, nominal, (note,) = loaded(request)
+    assert ([one.name for one in suspects], nominal) == (["moving"], ())
+    assert "empty/recording.csv: holds no samples; set aside" in note
+    _refused("there is no such file", moving, tmp_path / "movign")
 
 
 def test_an_effect_that_does_not_exist_is_named_with_the_nearest(moving: Path) -> None:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +12,8 @@ from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen
+
+Given, Taken = TypeVar("Given"), TypeVar("Taken")
 
 LEAST_SAMPLES = 20
 LEAST_SECONDS = 0.5
@@ -49,35 +52,54 @@ class Admitted:
         return Admitted(suspects, nominal, (*self.notes, *notes))
 
 
-def admit(suspects: Sequence[Recording], nominal: Sequence[Recording], specimen: Specimen) -> Admitted:
-    """Check recordings.
+def usable(group: Sequence[Given], take: Callable[[Given], Taken], notes: list[str]) -> tuple[Taken, ...]:
+    """Take recordings one by one; one that is refused is set aside and noted where others are left.
 
     Raises:
-        InputError: One is of another specimen, too short, too still to decide anything, without pressures,
-            or has two channels exchanged.
+        InputError: All of them are refused.
+    """
+    taken: list[Taken] = []
+    refusals: list[InputError] = []
+    for one in group:
+        try:
+            taken.append(take(one))
+        except InputError as error:
+            refusals.append(error)
+    if refusals and not taken:
+        raise refusals[0]
+    notes += [f"{error.where}: {error.what}; set aside, {error.cure}." for error in refusals]
+    return tuple(taken)
+
+
+def admit(suspects: Sequence[Recording], nominal: Sequence[Recording], specimen: Specimen) -> Admitted:
+    """Check recordings, and set aside those that can decide nothing.
+
+    Raises:
+        InputError: None in question, or no nominal one, is left: they are of another specimen, too short,
+            too still to decide anything, without pressures, or have two channels exchanged.
     """
     notes: list[str] = []
-    for recording in (*nominal, *suspects):
+    whole = any(len(recording.chambers) == len(specimen.chambers) for recording in (*nominal, *suspects))
+
+    def checked(recording: Recording) -> Recording:
         _check_specimen(recording, specimen)
-        _check_pressures(recording, specimen)
+        _check_pressures(recording, specimen, whole=whole)
         _check_length(recording)
+        _check_motion(recording)
         refuse_swapped_channels(recording, specimen)
+        return recording
+
+    nominal, suspects = (usable(group, checked, notes) for group in (nominal, suspects))
+    for recording in (*nominal, *suspects):
         notes += _time_notes(recording)
     if not any(moves(recording) or _opens_valves(recording) for recording in suspects):
         names = ", ".join(recording.name for recording in suspects)
-        motion = [values for recording in suspects for values in motion_columns(recording).values()]
-        if motion and not any(np.isfinite(values).any() for values in motion):
-            raise InputError(
-                names,
-                "no reading of the motion is left: all are lost, or in stretches that no fit may see",
-                "record longer, below the limits of the pressures, with the sensors in view",
-            )
         raise InputError(
             names,
             "nothing moves, so nothing can be decided",
             "record at least 20 s in which pressures rise above 10 kPa and come down again",
         )
-    return Admitted(tuple(suspects), tuple(nominal), tuple(notes))
+    return Admitted(suspects, nominal, tuple(notes))
 
 
 def motion_columns(recording: Recording) -> dict[str, Floats]:
@@ -123,12 +145,21 @@ def _check_specimen(recording: Recording, specimen: Specimen) -> None:
         )
 
 
-def _check_pressures(recording: Recording, specimen: Specimen) -> None:
+def _check_pressures(recording: Recording, specimen: Specimen, *, whole: bool) -> None:
+    """Refuse a recording of motion that lacks pressures, all or those that others hold."""
+    missing = [k for k in range(len(specimen.chambers)) if k not in recording.chambers]
     if specimen.chambers and not recording.chambers:
         raise InputError(
             recording.name,
             "holds no pressures, so nothing can be predicted",
             "record pressure_0_pa and its like along with the motion",
+        )
+    if whole and missing and motion_columns(recording):
+        listed = ", ".join(map(str, missing))
+        raise InputError(
+            recording.name,
+            f"lacks the pressures of chambers {listed}, which other recordings hold",
+            "write zeros where a chamber stayed vented",
         )
 
 
@@ -140,6 +171,16 @@ def _check_length(recording: Recording) -> None:
             recording.name,
             f"{count} samples in {seconds:.2g} s are too short to decide anything",
             "record at least 20 s with changes of pressure",
+        )
+
+
+def _check_motion(recording: Recording) -> None:
+    motion = motion_columns(recording).values()
+    if motion and not any(np.isfinite(values).any() for values in motion):
+        raise InputError(
+            recording.name,
+            "no reading of the motion is left: all are lost, or in stretches that no fit may see",
+            "record longer, below the limits of the pressures, with the sensors in view",
         )
 
 

@@ -44,7 +44,14 @@ from softarm.estimator.diagnosis.session import Session, channels
 from softarm.estimator.diagnosis.sizes import without_fragments
 from softarm.estimator.diagnosis.split import excitation, hold_out
 from softarm.estimator.diagnosis.stage import Model, Stage
-from softarm.estimator.diagnosis.stuck import Stuck, find_stuck, stuck_findings, without_stuck
+from softarm.estimator.diagnosis.stuck import (
+    Stuck,
+    find_stuck,
+    stuck_findings,
+    stuck_notes,
+    without_repeated,
+    without_stuck,
+)
 from softarm.estimator.diagnosis.swapped import refuse_swapped
 from softarm.estimator.diagnosis.traces import traces_of
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw, unnamed_law, unnamed_probability
@@ -169,12 +176,12 @@ def assemble(
     split, how = hold_out(sessions, np.array(model.specimen.pressure_limits))
     known = [session for session in split if session.nominal] or list(split)
     advance("calibrating")
-    fitted = calibrate_sessions(model, known)
+    fitted = calibrate_sessions(model, [without_repeated(session) for session in known])
     advance("predicting")
     stages = tuple(fitted.stage(model, session) for session in split)
     _require_predictions(stages)
     refuse_swapped(stages)
-    stuck = tuple(one for stage in stages if not stage.session.nominal for one in find_stuck(stage))
+    stuck = tuple(one for stage in stages for one in find_stuck(stage))
     stages = tuple(
         without_stuck(stage, tuple(one for one in stuck if one.recording == stage.session.name))
         for stage in stages
@@ -200,7 +207,10 @@ def assemble(
     forms = columns[0].shape[-1] - len(fitted.values) - len(library.directions)
     residuals = tuple(stage.residual for stage in stages)
     evidence = RegressionProblem(model.specimen.name, stages, fitted, library, residuals, columns, forms)
-    return Assembled(evidence, stuck, how, words)
+    questioned = {stage.session.name for stage in stages if not stage.session.nominal}
+    new = tuple(one for one in stuck if one.recording in questioned)
+    before = stuck_notes([one for one in stuck if one.recording not in questioned])
+    return Assembled(evidence, new, how, (*words, *before))
 
 
 def begin(

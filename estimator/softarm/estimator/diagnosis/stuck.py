@@ -8,6 +8,7 @@ from scipy.special import expit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.result import Evidence, Finding, Quantity
+from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.recording import Recording
@@ -23,6 +24,8 @@ LATE = 0.5
 """A sensor that is late by less [s] has not moved yet at the end of a stretch; it does not stand still."""
 ASKED = 5000.0
 """Change of a set-point [Pa] during which a pressure must not read the same throughout."""
+REPEATED = 1e-9
+"""Readings that differ by less [m, rad] are one number, averaged."""
 RESOLUTION = 30.0
 """Error of a set-point [Pa] that stands in for a pressure sensor."""
 
@@ -98,12 +101,34 @@ def without_pressures(
 
 
 def stuck_notes(stuck: Sequence[Stuck]) -> list[str]:
-    """Say what stands in for pressures that were not measured."""
+    """Say what stands in for readings that stand still."""
     return [
         f"{one.recording}: {one.sensor} stands still from {one.since:.1f} to {one.until:.1f} s; "
-        "its set-point stands in for it."
+        + (
+            "its set-point stands in for it."
+            if one.sensor.startswith("pressure")
+            else "it is left out meanwhile."
+        )
         for one in stuck
     ]
+
+
+def without_repeated(session: Session) -> Session:
+    """Lose what a sensor reads while it repeats one and the same number and pressures change.
+
+    It may stand still or see nothing move; either way a calibration must not follow it.
+    """
+    readings = session.readings.copy()
+    for measurement in session.suite.measurements:
+        entries = session.suite.reading_slices[measurement.name]
+        observed = np.flatnonzero(np.isfinite(readings[:, entries]).all(axis=1))
+        changes = np.abs(np.diff(readings[observed][:, entries], axis=0)).max(axis=1, initial=0.0)
+        for part in np.split(observed, np.flatnonzero(changes > REPEATED) + 1):
+            if len(part) < 3 or session.clock[part[-1]] - session.clock[part[0]] < LEAST:
+                continue
+            if np.ptp(session.pressures[part], axis=0).max(initial=0.0) > ASKED:
+                readings[part, entries] = np.nan
+    return replace(session, readings=readings)
 
 
 def find_stuck(stage: Stage) -> tuple[Stuck, ...]:

@@ -6,15 +6,17 @@ from pathlib import Path
 
 import numpy as np
 
+from softarm.estimator.diagnosis.stuck import stuck_pressures, without_pressures
 from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.events import find_events
+from softarm.estimator.intake.frozen import frozen_pressures
 from softarm.estimator.intake.labels import mend_labels
 from softarm.estimator.intake.limits import over_limit
 from softarm.estimator.intake.lost import mend_lost
 from softarm.estimator.intake.mounts import check_mount
-from softarm.estimator.intake.result import Intake, RecordingFault
+from softarm.estimator.intake.result import Intake, RecordingFault, without_motion
 from softarm.estimator.intake.sections import mend_bends, mend_sections
 from softarm.estimator.intake.signs import mend_signs
 from softarm.estimator.intake.units import mend_units
@@ -138,15 +140,18 @@ def take_in(recording: Recording, specimen: Specimen) -> Intake:
             return intake
         mended, faults = step(intake.recording, specimen)
         intake = intake.with_recording(mended, faults)
-    stretches, limits = over_limit(intake.recording, specimen)
-    intake = intake.with_recording(intake.recording, limits)
+    beyond, limits = over_limit(intake.recording, specimen)
+    frozen, unrecorded = frozen_pressures(intake.recording, specimen)
+    intake = intake.with_recording(intake.recording, (*limits, *unrecorded))
     if intake.refusals:
         return intake
-    events = find_events(Intake(intake.recording, excluded=stretches).for_fits, specimen)
+    stretches = (*beyond, *frozen)
+    driven = without_pressures(intake.recording, stuck_pressures(intake.recording), by_set_points=True)
+    events = find_events(without_motion(driven, stretches), specimen)
     return Intake(
         intake.recording,
         intake.mismatches,
         events,
         (*stretches, *(event.interval for event in events)),
-        stretches,
+        beyond,
     )

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from softarm.analysis.offline.inputs import taken_in
+from softarm.estimator.diagnosis.admit import usable
 from softarm.estimator.diagnosis.result import Diagnosis, Evidence, Finding, Quantity
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
 from softarm.estimator.intake.result import NO_MISMATCH
@@ -29,11 +30,13 @@ def take_all_in(
         and what was found in words.
 
     Raises:
-        InputError: A recording does not fit the specimen and cannot be mended.
+        InputError: No recording of a kind fits the specimen or can be mended; single ones are set aside.
     """
     notes: list[str] = []
-    questioned = tuple(taken_in(recording, specimen, notes.append) for recording in suspects)
-    known = tuple(taken_in(recording, specimen, notes.append) for recording in nominal)
+    questioned, known = (
+        usable(group, lambda recording: taken_in(recording, specimen, notes.append), notes)
+        for group in (suspects, nominal)
+    )
     return tuple(i.for_fits for i in questioned), tuple(i.for_fits for i in known), questioned, tuple(notes)
 
 

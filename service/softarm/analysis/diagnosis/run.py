@@ -5,13 +5,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
 
 from softarm.analysis.diagnosis.intake import take_all_in, with_intakes
 from softarm.analysis.diagnosis.models import finite_element_model, rod_model
-from softarm.analysis.offline.inputs import load_recordings
+from softarm.analysis.offline.inputs import distinct_names
 from softarm.common.rods import QUICK, fitted_rod, known_rod, trusted
 from softarm.estimator.calibration import (
     Calibrated,
@@ -23,7 +24,7 @@ from softarm.estimator.calibration import (
     calibrated_specimen,
 )
 from softarm.estimator.calibration.identifiability import identify
-from softarm.estimator.diagnosis.admit import Admitted, admit, motion_columns
+from softarm.estimator.diagnosis.admit import Admitted, admit, motion_columns, usable
 from softarm.estimator.diagnosis.diagnose import Assembled, DiagnosisOutcome, diagnose
 from softarm.estimator.diagnosis.prepare import LEAST_BLOCKS, averaged, blocks_of, prepare
 from softarm.estimator.diagnosis.release import find_release
@@ -34,10 +35,13 @@ from softarm.estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, 
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.accepted import physics_entry
 from softarm.estimator.errors import InputError, suggest
+from softarm.estimator.recording import Recording
 from softarm.estimator.rod import CalibratedRod, FittedRod, adapted
 from softarm.estimator.sensing import Bend
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import EffectName
+from softarm.recordings import load_recording
+from softarm.recordings.load import data_file
 
 SAMPLES = 9000
 """Largest number of samples over all recordings."""
@@ -88,16 +92,16 @@ def run(
     began = time.monotonic()
     advance("reading")
     effects = _known(request.effects)
-    loaded = load_recordings((*request.recordings, *request.nominal))
-    suspects, nominal = loaded[: len(request.recordings)], loaded[len(request.recordings) :]
+    suspects, nominal, unread = loaded(request)
     suspects, nominal, intakes, found = take_all_in(suspects, nominal, request.specimen)
     admitted = admit(suspects, nominal, request.specimen)
+    questioned = {recording.name for recording in admitted.suspects}
+    intakes, found = tuple(i for i in intakes if i.recording.name in questioned), (*unread, *found)
     stuck = tuple(one for recording, _ in admitted.all for one in stuck_pressures(recording))
     valves, known_valves = (
         splits_of([without_pressures(recording, stuck) for recording in group])
         for group in (admitted.suspects, admitted.nominal)
     )
-    questioned = {recording.name for recording in admitted.suspects}
     faults = (
         *valve_findings(valves, known_valves),
         *stuck_findings([one for one in stuck if one.recording in questioned]),
@@ -142,6 +146,31 @@ def run(
     diagnosis = with_intakes(with_valves(outcome.diagnosis, faults), intakes, (*found, *beyond))
     diagnosis = replace(diagnosis, seconds=time.monotonic() - began)
     return replace(outcome, diagnosis=diagnosis)
+
+
+def loaded(
+    request: DiagnosisRequest,
+) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[str, ...]]:
+    """Load recordings; those that cannot be read are set aside.
+
+    Returns:
+        The recordings in question, the nominal ones, and what was set aside and why.
+
+    Raises:
+        InputError: None of a kind can be read, one is given twice, or there is no such file.
+    """
+    for path in (*request.recordings, *request.nominal):
+        data_file(path)  # a path that was mistyped ends the diagnosis
+    notes: list[str] = []
+    groups = [
+        usable(group, lambda path: (path, load_recording(path, units_checked=False)), notes)
+        for group in (request.recordings, request.nominal)
+    ]
+    paths, recordings = zip(*chain(*groups), strict=True)
+    names = distinct_names([recording.name for recording in recordings], paths)
+    named = tuple(replace(recording, name=name) for recording, name in zip(recordings, names, strict=True))
+    count = len(groups[0])
+    return named[:count], named[count:], tuple(notes)
 
 
 def _without_axes(specimen: Specimen, sessions: Sequence[Session]) -> bool:
