@@ -1,6 +1,7 @@
 """Every fault that an intake looks for, planted singly and in twos into a good recording."""
 
 import re
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -75,16 +76,22 @@ EVENTS = {
     "hand": (arm.touched(40.0), 40.0, 43.0),
     "violent start": (arm.thrown(), 0.0, 2.0),
 }
-PAIRS = (
-    ("zeros", "markers"),
-    ("milliseconds", "kilopascals"),
-    ("zeros", "markers in millimetres"),
-    ("kilopascals", "degrees"),
-    ("absolute", "early"),
-    ("markers", "millimetres"),
-    ("degrees", "one late"),
-    ("one measured pressure in bars", "late"),
+KINDS = (
+    ("absolute",),
+    ("markers", "frames", "bends"),
+    ("mirrored frames",),
+    ("late", "one late"),
+    ("kilopascals", "one chamber in kilopascals", "degrees", "millimetres"),
 )
+"""Faults of one kind each, in the order in which two of them are planted: what is scaled comes last."""
+PAIRS = [
+    *(pair for one, other in combinations(KINDS, 2) for pair in product(one, other)),
+    ("zeros", "markers"),
+    ("zeros", "markers in millimetres"),
+    ("milliseconds", "kilopascals"),
+    ("all absolute", "bars"),
+    ("one measured pressure in bars", "late"),
+]
 
 
 @pytest.fixture(scope="module")
@@ -127,7 +134,20 @@ def test_two_faults_are_named_and_mended(good: Recording, names: tuple[str, str]
     _require_alike(intake.recording, good)
 
 
-@pytest.mark.parametrize("unit", ["", "kilopascals", "late"])
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize("name", ["", *(kind[-1] for kind in KINDS if kind != ("mirrored frames",))])
+def test_a_laboratory_that_is_turned_hides_no_other_fault(good: Recording, name: str) -> None:
+    turned = arm.rotated((0.2, -0.1, 1.2))(good)
+    fault, words = MENDED[name] if name else (lambda one: one, "")
+    intake = take_in(fault(turned), SPECIMEN)
+    assert not intake.refusals
+    assert bool(intake.sentences) == bool(name)
+    if name:
+        _require(intake.sentences, words)
+    _require_alike(intake.recording, turned)
+
+
+@pytest.mark.parametrize("unit", ["", *(kind[0] for kind in KINDS)])
 @pytest.mark.parametrize("name", EVENTS)
 def test_an_event_is_found_and_left_out_of_fits(good: Recording, name: str, unit: str) -> None:
     fault, begin, end = EVENTS[name]

@@ -120,10 +120,10 @@ STEPS: tuple[Step, ...] = (
     mend_signs,
     mend_labels,
     mend_sections,
-    mend_bends,
     check_mount,
-    _swapped,
     mend_clocks,
+    mend_bends,
+    _swapped,
 )
 
 

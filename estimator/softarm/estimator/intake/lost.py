@@ -33,7 +33,7 @@ def mend_lost(recording: Recording, specimen: Specimen) -> tuple[Recording, tupl
     columns = dict(recording.columns)
     words: dict[str, str] = {}
     fast = len(recording.time) > 5 and float(np.median(np.diff(recording.time))) <= SLOWEST
-    for stream in streams_of(_without_zeros(recording), specimen):
+    for stream in streams_of(without_zeros(recording), specimen):
         zeros = _zeros(recording, stream)
         readings = np.where(zeros[:, None], np.nan, stream.values)
         spikes = _spikes(readings, stream.units) if fast else np.zeros(len(zeros), dtype=bool)
@@ -55,7 +55,7 @@ def mend_lost(recording: Recording, specimen: Specimen) -> tuple[Recording, tupl
     return replace(recording, columns=columns), (found,)
 
 
-def _without_zeros(recording: Recording) -> Recording:
+def without_zeros(recording: Recording) -> Recording:
     """Drop poses whose quaternion is zero, which is no orientation."""
     columns = dict(recording.columns)
     for section in recording.frames:

@@ -16,7 +16,9 @@ from itertools import product
 import numpy as np
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.hypotheses import BestExplanation, Explanation, choose
+from softarm.estimator.intake.lost import without_zeros
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
@@ -49,7 +51,7 @@ AIR = (70e3, 110e3)
 ABSOLUTE = 3.0
 """Minus the logarithm of the prior that pressures are absolute."""
 NEVER_VENTED = -6.0
-"""Logarithm of the prior that no chamber ever comes below half the limit."""
+"""Logarithm of the prior that no chamber ever comes below half of the largest pressure."""
 NOISY = 0.15
 """Change from sample to sample over the range from which pressures are noise; white noise has 0.29."""
 ALIKE = 0.05
@@ -59,6 +61,8 @@ SAME_AIR = 2e3
 """Vented chambers read the same air within this [Pa]."""
 FOLLOWS = 0.15
 SIZE_SPREAD = 0.25
+ANY_PRESSURE = 1e4
+"""Change [Pa] to which all pressures are brought where only their course in time counts."""
 STRAYED = 30.0
 """Times by which a chamber's pressures change less than those of the others, as in another unit."""
 MISSED = 0.7
@@ -99,8 +103,9 @@ def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
     mended, lengths = _lengths(recording, specimen)
     if _declared_pascals(recording):
         return mended, lengths
-    mended, strays = _single_chambers(mended, specimen)
-    mended, found = _pressures_and_bends(mended, specimen)
+    aligned = _aligned(mended, specimen)
+    mended, strays = _single_chambers(mended, aligned, specimen)
+    mended, found = _pressures_and_bends(mended, aligned, specimen)
     return mended, (*lengths, *strays, *found)
 
 
@@ -111,11 +116,11 @@ def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
 
 
 def _pressures_and_bends(
-    recording: Recording, specimen: Specimen
+    recording: Recording, aligned: Recording, specimen: Specimen
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
     if not specimen.pressure_limits or not recording.chambers:
         return recording, ()
-    choice = choose(_explanations(recording, specimen))
+    choice = choose(_explanations(recording, aligned, specimen))
     found = choice.best.what
     if found == Units():
         return recording, ()
@@ -144,7 +149,7 @@ def _pressures_and_bends(
 
 
 def _single_chambers(
-    recording: Recording, specimen: Specimen
+    recording: Recording, aligned: Recording, specimen: Specimen
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Bring chambers to the unit of the others that change far less than these and act all the same."""
     columns, found = dict(recording.columns), []
@@ -152,7 +157,7 @@ def _single_chambers(
         spans = {name: _span(recording.columns[name]) for name in pressure_columns(recording, kind)}
         usual = float(np.median([span for span in spans.values() if span > 0.0] or [0.0]))
         for name, span in spans.items():
-            if not 0.0 < span < usual / STRAYED or not _acts(recording, specimen, name, usual):
+            if not 0.0 < span < usual / STRAYED or not _acts(recording, aligned, specimen, name, usual):
                 continue
             unit = min(PRESSURES, key=lambda one: abs(np.log(PRESSURES[one][0] * span / usual)))
             columns[name] = recording.columns[name] * PRESSURES[unit][0]
@@ -172,11 +177,18 @@ def _span(column: Floats) -> float:
     return 0.0 if _white(read, within) else float(np.ptp(within))
 
 
-def _acts(recording: Recording, specimen: Specimen, name: str, usual: float) -> bool:
+def _acts(recording: Recording, aligned: Recording, specimen: Specimen, name: str, usual: float) -> bool:
     """Return whether a pressure that hardly changes acts: as its other column does, or on the bends.
 
     Where its other column rests or was never read, the chamber may be idle: what a closed one reads follows
     the bends as well.
+
+    Args:
+        recording: As it was recorded.
+        aligned: The same with pressures and motion on one clock.
+        specimen: The robot.
+        name: Column of the pressure.
+        usual: How far the pressures of other chambers change.
     """
     other = name.replace("pressure_", "pressure_cmd_") if "cmd" not in name else name.replace("cmd_", "")
     own, partner = recording.columns[name], recording.columns.get(other)
@@ -186,10 +198,10 @@ def _acts(recording: Recording, specimen: Specimen, name: str, usual: float) -> 
     moves = _span(partner) > usual / STRAYED and both.sum() > 2
     if moves and float(np.corrcoef(own[both], partner[both])[0, 1]) > FOLLOWED:
         return True
-    bends = _bends_or_places(recording, specimen)
+    bends, own = _bends_or_places(aligned, specimen), aligned.columns[name]
     if bends is None:
         return False
-    rest = [recording.pressure(k)[0] for k in recording.chambers if f"_{k}_pa" not in name]
+    rest = [aligned.pressure(k)[0] for k in aligned.chambers if f"_{k}_pa" not in name]
     p = np.column_stack([np.ones(len(own)), *rest, own])
     valid = np.isfinite(p).all(axis=1) & np.isfinite(bends).all(axis=1)
     if valid.sum() < 20:
@@ -201,14 +213,28 @@ def _acts(recording: Recording, specimen: Specimen, name: str, usual: float) -> 
     return beside < MISSED * without
 
 
+def _aligned(recording: Recording, specimen: Specimen) -> Recording:
+    """Move pressures and motion onto one clock, whatever their units, where the recording shows a shift."""
+    sizes = {
+        name: _span(recording.columns[name])
+        for kind in ("measured", "commanded")
+        for name in pressure_columns(recording, kind)
+    }
+    plain = {name: recording.columns[name] * (ANY_PRESSURE / size) for name, size in sizes.items() if size}
+    seen = without_zeros(replace(recording, columns={**recording.columns, **plain}))
+    mended, _ = mend_clocks(seen, specimen)
+    back = {name: mended.columns[name] * (sizes[name] / ANY_PRESSURE) for name in plain}
+    return replace(mended, columns={**mended.columns, **back})
+
+
 def _declared_pascals(recording: Recording) -> bool:
     return str(recording.info.get("pressure_unit", "")).lower() == "pa"
 
 
-def _explanations(recording: Recording, specimen: Specimen) -> list[Explanation[Units]]:
+def _explanations(recording: Recording, aligned: Recording, specimen: Specimen) -> list[Explanation[Units]]:
     limit = max(specimen.pressure_limits)
     sizes = {kind: _sizes(recording, kind) for kind in ("measured", "commanded")}
-    slope = _bend_per_pressure(recording, specimen)
+    slope = _bend_per_pressure(aligned, specimen)
     ratio = _measured_over_commanded(recording)
     options = {
         kind: tuple(PRESSURES) if sizes[kind] is not None else ("pascals",)
@@ -249,7 +275,7 @@ def _pressure_likelihood(low: float, high: float, factor: float, limit: float, a
         low, high = 0.0, high - low
     away = np.log(max(high, 1e-9) / (USUAL_PRESSURE * limit))
     value = -0.5 * (away / (ABOVE if away > 0 else BELOW)) ** 2
-    return float(value + (NEVER_VENTED if low > 0.5 * limit else 0.0))
+    return float(value + (NEVER_VENTED if low > 0.5 * high else 0.0))
 
 
 def _sizes(recording: Recording, kind: str) -> tuple[float, float] | None:
@@ -285,9 +311,11 @@ def _bend_per_pressure(recording: Recording, specimen: Specimen) -> float | None
     bends = _bends_or_places(recording, specimen)
     if bends is None:
         return None
-    pressures = np.column_stack([np.nan_to_num(recording.pressure(k)[0]) for k in recording.chambers])
+    pressures = np.column_stack([recording.pressure(k)[0] for k in recording.chambers])
+    read = np.isfinite(pressures) | ~np.isfinite(pressures).any(axis=0)
+    pressures = np.nan_to_num(pressures)
     moved = np.ptp(pressures, axis=0) > 0.2 * max(float(np.ptp(pressures, axis=0).max(initial=0.0)), 1e-12)
-    seen = np.isfinite(bends).all(axis=1)
+    seen = read.all(axis=1) & np.isfinite(bends).all(axis=1)
     if not moved.any() or seen.sum() < 20:
         return None
     p, y = pressures[seen][:, moved], bends[seen]
