@@ -195,6 +195,23 @@ def test_an_amplitude_is_distinguishable_from_zero_by_its_deviation():
     assert not is_distinguishable(fit_of("tip_payload", 0.9 * TOLD, deviation=1.0), 0)
 
 
+@pytest.mark.parametrize("told", [0.9, 1.1])
+def test_a_law_with_a_free_exponent_is_judged_by_its_likelihood(told):
+    """Softening at small bends: amplitude and exponent trade against each other, and either is unsure."""
+    law = hypothesis("material_softening", Place(segment="lower"))
+    growth, exponent = 2.0, 1.5
+    bends = np.linspace(0.05, 0.3, 40)
+    shown = growth * bends**exponent
+    scales = [law.effect.parameters[0].scale, exponent]  # the exponent is fitted as a logarithm
+    slopes = np.column_stack([bends**exponent, shown * np.log(bends)]) * scales
+    two = 11.83  # of chi-square with two degrees of freedom, as improbable as three deviations of one
+    noise = np.sqrt(float(shown @ shown) / two) / np.sqrt(told)
+    covariance = noise**2 * np.linalg.inv(slopes.T @ slopes)
+    fit = Fit((law,), (np.array([growth, exponent]),), covariance, 100.0, at_bound=False)
+    assert growth / fit.stds(0)[0] < 1.5
+    assert is_distinguishable(fit, 0) is (told > 1.0)
+
+
 @pytest.fixture
 def library() -> Library:
     directions = (

@@ -2,6 +2,9 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+from scipy.special import gammainccinv, ndtr
+
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.judge import Judgement
 
@@ -89,14 +92,27 @@ def surprise(fit: Fit) -> float:
 
 
 def is_distinguishable(fit: Fit, number: int) -> bool:
-    """Return whether some amplitude differs significantly from zero, or from what may be rigid."""
-    effect, theta, stds = fit.hypotheses[number].effect, fit.thetas[number], fit.scaled_stds(number)
-    sizes = []
-    for parameter, value, std in zip(effect.parameters, theta.tolist(), stds.tolist(), strict=True):
-        if parameter.role == "amplitude":
-            none = parameter.scaled(parameter.lower) if parameter.transform == "inverse" else 0.0
-            sizes.append(abs(parameter.scaled(value) - none) / max(std, 1e-300))
-    return bool(max(sizes) >= TOLD)
+    """Return whether an effect is likelier than none by as much as an amplitude of ``TOLD`` deviations.
+
+    At a given shape an effect is linear in its amplitudes a, and with none of them it has no shape. So twice
+    the logarithm of the likelihood ratio is a' C^-1 a, with C their covariance at the shape that was fitted,
+    however unsure shape and amplitude are together: what a law says at a bend of one radian is uncertain if
+    its exponent is free, and may be certain at the bends that were recorded. It is compared with what as many
+    parameters as the law has gain by chance (Wilks 1938). Of what may be rigid, none is the softest.
+    """
+    effect, theta = fit.hypotheses[number].effect, fit.thetas[number]
+    covariance = fit.scaled_covariance(number)
+    size = np.array([p.role == "amplitude" for p in effect.parameters])
+    values = np.array(
+        [
+            p.scaled(value) - (p.scaled(p.lower) if p.transform == "inverse" else 0.0)
+            for p, value in zip(effect.parameters, theta.tolist(), strict=True)
+        ]
+    )
+    precision = np.linalg.inv(covariance)[np.ix_(size, size)]
+    ratio = float(values[size] @ precision @ values[size])
+    by_chance = 2.0 * float(gammainccinv(0.5 * len(theta), 2.0 * ndtr(-TOLD)))  # a quantile of chi-square
+    return ratio >= by_chance
 
 
 def includes(richer: Fit, plain: Fit) -> bool:

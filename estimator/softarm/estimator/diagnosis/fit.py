@@ -138,10 +138,14 @@ class Fit:
 
     def scaled_stds(self, number: int) -> Floats:
         """Give the same in units of the fit."""
-        ends = np.cumsum([0, *(len(theta) for theta in self.thetas)])
-        columns = slice(int(ends[number]), int(ends[number + 1]))
-        stds: Floats = np.sqrt(np.maximum(np.diag(self.covariance), 0.0))[columns]
+        stds: Floats = np.sqrt(np.maximum(np.diag(self.scaled_covariance(number)), 0.0))
         return stds
+
+    def scaled_covariance(self, number: int) -> Floats:
+        """Give the covariance of one effect's parameters in units of the fit."""
+        ends = np.cumsum([0, *(len(theta) for theta in self.thetas)])
+        own = slice(int(ends[number]), int(ends[number + 1]))
+        return np.asarray(self.covariance[own, own], dtype=np.float64)
 
 
 def fit_effects(
