@@ -169,11 +169,8 @@ class Search:
             residual = residuals[number]
             used = np.isfinite(residual) & ~session.heldout[:, None]
             weight = used / self.evidence.scale(self.weights, number)
-            common = self.evidence.columns[number] * weight[..., None].astype(np.float32)
-            whitened = np.nan_to_num(residual) * weight
-            weighted.append(
-                RecordingResidual(stage, whitened, weight, common.reshape(-1, self.evidence.size))
-            )
+            common = self.evidence.columns[number][used] * weight[used][:, None].astype(np.float32)
+            weighted.append(RecordingResidual(stage, np.nan_to_num(residual) * weight, weight, common))
         normal_equations = total(_searched(self.parts(fit)), self.evidence.size)
         return MarginalisedProblem.of(
             weighted, self.prior, self.weights.effective_sample_fraction, normal_equations

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.diagnosis.gaussian import Factor, Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import Total
@@ -35,13 +35,18 @@ class RecordingResidual:
         stage: The session on the calibrated model.
         left: Residual over its scale, lost ones zero, shape (samples, rows).
         weight: Inverse scale, zero for lost or held-out residuals, shape (samples, rows).
-        common: Columns of the common coefficients over their scale, shape (samples * rows, columns).
+        common: Columns of the common coefficients over their scale, for ``seen``, shape (seen, columns).
     """
 
     stage: Stage
     left: Floats
     weight: Floats
     common: NDArray[np.float32]
+
+    @cached_property
+    def seen(self) -> Indices:
+        """Residuals that have a weight, shape (seen,)."""
+        return np.flatnonzero(self.weight)
 
 
 @dataclass(frozen=True)
@@ -78,8 +83,11 @@ class MarginalisedProblem:
 
     @cached_property
     def _innovations(self) -> list[Floats]:
-        """What the prior mean leaves of each session, shape (samples * rows,)."""
-        return [recorded.left.ravel() - recorded.common @ self.prior.mean for recorded in self.residuals]
+        """What the prior mean leaves of each session, each of shape (seen,)."""
+        return [
+            recorded.left.ravel()[recorded.seen] - recorded.common @ self.prior.mean
+            for recorded in self.residuals
+        ]
 
     def projected(self, changes: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Give M and b for whitened changes of all sessions, each of shape (samples * rows, k)."""
@@ -87,9 +95,10 @@ class MarginalisedProblem:
         gram, right = np.zeros((k, k)), np.zeros(k)
         cross = np.zeros((len(self.right), k))
         for recorded, innovation, change in zip(self.residuals, self._innovations, changes, strict=True):
-            gram += change.T @ change
-            right += change.T @ innovation
-            cross += recorded.common.T @ change.astype(np.float32)
+            seen = change[recorded.seen]
+            gram += seen.T @ seen
+            right += seen.T @ innovation
+            cross += recorded.common.T @ seen.astype(np.float32)
         solved = self.factor.solve(self.fraction * cross)
         matrix: Floats = self.fraction * (gram - cross.T @ solved)
         vector: Floats = self.fraction * right - solved.T @ self.right
@@ -179,11 +188,14 @@ def fit_effects(
     change = changed(values)
     gain, damping, refused = _gain(problem, change), FIRST_DAMPING, 0
     answering = exact and any(h.effect.responds_to_own_effect for h in hypotheses)
-    slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values, exact=answering)
+    here = [*fixed, *parametrisation.split(values)]
+    linear = whitened(problem, hypotheses, here, exact=False) if exact and not answering else change
+    slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values, linear, exact=answering)
     if exact and not searched and not answering:  # without amplitudes nothing changes
         _secant(slopes, np.where(parametrisation.amplitudes, values - parametrisation.centres, 0.0), change)
+    normal: tuple[Floats, Floats] | None = None
     for _ in range(iterations):
-        matrix, pull = _normal(problem, slopes, change, parametrisation, values)
+        matrix, pull = normal = normal or _normal(problem, slopes, change, parametrisation, values)
         damped = matrix + damping * np.diag(np.diag(matrix))
         step = np.clip(np.linalg.solve(damped, pull), -LARGEST, LARGEST)
         trial = np.clip(values + step, parametrisation.lower, parametrisation.upper)
@@ -192,18 +204,19 @@ def fit_effects(
         improved = reached - parametrisation.penalty(trial) - gain + parametrisation.penalty(values)
         if exact and not answering:
             _secant(slopes, trial - values, [t - c for t, c in zip(tried, change, strict=True)])
+            normal = None
         if not improved > 0.0:
             damping, refused = 10.0 * damping, refused + 1
             if refused == MOST_REFUSED:
                 break
             continue
-        values, change, gain, refused = trial, tried, reached, 0
+        values, change, gain, refused, normal = trial, tried, reached, 0, None
         damping = max(0.1 * damping, LEAST_DAMPING)
         if answering or not exact:
-            slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values, exact=exact)
+            slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values, change, exact=exact)
         if improved < SETTLED:
             break
-    matrix, _ = _normal(problem, slopes, change, parametrisation, values)
+    matrix, _ = normal or _normal(problem, slopes, change, parametrisation, values)
     thetas = (*fixed, *parametrisation.split(values))
     return Fit(
         tuple(hypotheses),
@@ -274,16 +287,25 @@ def slopes_of(
     fixed: list[Floats],
     parametrisation: "Parametrisation",
     values: Floats,
+    change: Sequence[Floats],
     *,
     exact: bool = False,
 ) -> list[Floats]:
     """Differentiate what effects change by the parameters in units of the fit.
 
+    Args:
+        problem: What is fitted to.
+        hypotheses: The effects.
+        fixed: Parameters of the first of them, which stay.
+        parametrisation: Of the others.
+        values: Their parameters in units of the fit, shape (parameters,).
+        change: What they change there; see ``whitened``.
+        exact: Whether the model itself is solved.
+
     Returns:
         Of each session, shape (samples * rows, parameters).
     """
     columns: list[list[Floats]] = [[] for _ in problem.residuals]
-    change = whitened(problem, hypotheses, [*fixed, *parametrisation.split(values)], exact=exact)
     size = EXACT_STEP if exact else STEP
     for index in range(len(values)):
         moved = values.copy()

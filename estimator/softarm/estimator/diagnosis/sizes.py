@@ -86,8 +86,8 @@ def sized(search: Search, fit: Fit) -> Fit:
         found = again if again.gain > (1.0 - MATERIAL) * found.gain else found
     parametrisation = Parametrisation.of(found.hypotheses)
     values = parametrisation.units(np.concatenate(found.thetas))
-    slopes = slopes_of(problem, found.hypotheses, [], parametrisation, values, exact=found.exact)
     left = whitened(problem, found.hypotheses, found.thetas, exact=found.exact)
+    slopes = slopes_of(problem, found.hypotheses, [], parametrisation, values, left, exact=found.exact)
     parts = [
         part
         for recorded, slope, change, common in zip(residuals, slopes, left, columns, strict=True)
@@ -180,7 +180,8 @@ def plain_residuals(search: Search) -> tuple[list[RecordingResidual], list[Singl
         weight = used / np.hypot(scale, stage.model_error_std)
         own = search.evidence.columns[number]
         left = np.nan_to_num(residual - own @ mean) * weight
-        residuals.append(RecordingResidual(stage, left, weight, np.zeros((left.size, 1), dtype=np.float32)))
+        blank = np.zeros((np.count_nonzero(weight), 1), dtype=np.float32)
+        residuals.append(RecordingResidual(stage, left, weight, blank))
         columns.append((own * weight[..., None].astype(np.float32)).reshape(left.size, -1))
     return residuals, columns
 

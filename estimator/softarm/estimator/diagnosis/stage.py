@@ -205,9 +205,10 @@ class Stage:
         return self if self.observed is None else replace(self, arm=self.observed, observed=None)
 
     def _simulated(self, effects: Sequence[PlacedEffect]) -> Floats:
-        simulation = simulate_with(effects, self.arm, self.world, self.drive, self.suite)
-        readings = np.concatenate([simulation.readings[m.name] for m in self.suite.measurements], axis=-1)
-        return self.innovation(readings)
+        simulation = simulate_with(effects, self.arm, self.world, self.drive)
+        if np.array_equal(simulation.drive.wrenches, self.drive.wrenches):  # walls and cords out of reach
+            return np.where(self.arm.baseline.converged[:, None], np.zeros(self.residual.shape), np.nan)
+        return self.innovation(self.suite.predict(simulation.response.frames))
 
     @cached_property
     def _exact(self) -> ExactModel:

@@ -1,6 +1,7 @@
 """Effects of the material: how a segment strains under its load, and what it weighs."""
 
 import numpy as np
+from numba import njit
 from scipy.special import erf
 
 from softarm.estimator.arrays import Floats
@@ -72,14 +73,31 @@ def hysteresis(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> t
     bends = signals.strains[..., :2]
     before, state = memory or (bends[0], np.zeros_like(bends[0]))
     change = np.diff(bends, axis=0, prepend=before[None])
-    limit, kept = reach * np.sign(change), np.exp(-np.abs(change) / reach)
-    lagging = np.empty_like(bends)
-    for k in range(len(bends)):
-        state = limit[k] + (state - limit[k]) * kept[k]
-        lagging[k] = state
+    lagging = slipping(change.reshape(len(bends), -1), reach, np.ravel(state)).reshape(bends.shape)
     strains = signals.strains.copy()
     strains[..., :2] -= strength * spot.segments[:, None] * lagging
-    return strains, (bends[-1], state)
+    return strains, (bends[-1], lagging[-1].copy())
+
+
+@njit(cache=True, nogil=True)
+def slipping(change: Floats, reach: float, state: Floats) -> Floats:
+    """Step the variables z of ``hysteresis``.
+
+    Args:
+        change: Of the strains, shape (samples, columns).
+        reach: r.
+        state: z before the first sample, shape (columns,).
+
+    Returns:
+        z, shape (samples, columns).
+    """
+    out, before = np.empty_like(change), state
+    for k in range(len(change)):
+        for j in range(len(state)):
+            limit = reach * np.sign(change[k, j])
+            out[k, j] = limit + (before[j] - limit) * np.exp(-abs(change[k, j]) / reach)
+        before = out[k]
+    return out
 
 
 HYSTERESIS = Effect(

@@ -80,18 +80,39 @@ def second_order(
         return out, (*velocity, np.zeros_like(velocity[2]))
     when, before, state, speed = memory or (time[:1], values[0], values[0], np.zeros_like(values[0]))
     steps = np.diff(time, prepend=when)
-    move = _propagators(steps, inertia, damping)
-    out = np.empty_like(values)
-    for k, step in enumerate(steps):
-        if step > 0.0:
-            slope = (values[k] - before) / step
-            jump, drift = state - before + damping * slope, speed - slope
-            (a, b), (c, d) = move[k]
-            state = values[k] - damping * slope + a * jump + b * drift
-            speed = slope + c * jump + d * drift
-        before = values[k]
-        out[k] = state
-    return out, (time[-1:], values[-1], state, speed)
+    inputs = np.concatenate((before[None], values)).reshape(len(values) + 1, -1)
+    states = np.stack([np.ravel(state), np.ravel(speed)]).astype(np.float64)
+    out = _oscillation(steps, _propagators(steps, inertia, damping), inputs, damping, states)
+    state, speed = states.reshape(2, *values.shape[1:])
+    return out.reshape(values.shape), (time[-1:], values[-1], state, speed)
+
+
+@njit(cache=True, nogil=True)
+def _oscillation(steps: Floats, move: Floats, inputs: Floats, damping: float, states: Floats) -> Floats:
+    """Step oscillators through all samples.
+
+    Args:
+        steps: Time since the sample before [s], shape (samples,).
+        move: As of ``_propagators``.
+        inputs: Of the sample before the first, and of all samples, shape (samples + 1, columns).
+        damping: Damping time [s].
+        states: Place and speed before the first sample, shape (2, columns); overwritten.
+
+    Returns:
+        Places, shape (samples, columns).
+    """
+    out = np.empty_like(inputs[1:])
+    for k in range(len(steps)):
+        for j in range(out.shape[1]):
+            if steps[k] > 0.0:
+                slope = (inputs[k + 1, j] - inputs[k, j]) / steps[k]
+                jump, drift = states[0, j] - inputs[k, j] + damping * slope, states[1, j] - slope
+                states[0, j] = (
+                    inputs[k + 1, j] - damping * slope + move[k, 0, 0] * jump + move[k, 0, 1] * drift
+                )
+                states[1, j] = slope + move[k, 1, 0] * jump + move[k, 1, 1] * drift
+            out[k, j] = states[0, j]
+    return out
 
 
 def _propagators(steps: Floats, inertia: float, damping: float) -> Floats:

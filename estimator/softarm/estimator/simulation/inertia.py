@@ -155,11 +155,19 @@ class VibratingArm:
 
     def lag(self, still: Floats) -> Floats:
         """Return by how much strains vibrate about quasi-static ones, shape (samples, strains)."""
-        found = self.clock[self.known]
-        late = np.stack(
-            [np.interp(self.clock - self.delay, found, column[self.known]) for column in still.T], axis=-1
-        )
+        before, after, share = self._delayed
+        late = still[before] + share * (still[after] - still[before])
         return np.where(self.free[:, None], self._integrate(late) - still, 0.0)
+
+    @cached_property
+    def _delayed(self) -> tuple[Indices, Indices, Floats]:
+        """Known samples before and after what drives the arm at each sample, and the share of the later."""
+        found, wanted = np.flatnonzero(self.known), self.clock - self.delay
+        after = np.clip(np.searchsorted(self.clock[found], wanted), 1, max(len(found) - 1, 1))
+        before, after = found[after - 1], found[np.minimum(after, len(found) - 1)]
+        wide = np.maximum(self.clock[after] - self.clock[before], 1e-12)
+        share = np.clip((wanted - self.clock[before]) / wide, 0.0, 1.0)
+        return before, after, share[:, None]
 
     @cached_property
     def _integrate(self) -> Callable[[Floats], Floats]:

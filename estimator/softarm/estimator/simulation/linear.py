@@ -49,26 +49,29 @@ class LinearisedArm:
 
     def _elastic(self, drive: Drive) -> Floats:
         """Return the twists by deformation; a turned base turns gravity and wrenches the other way."""
-        base = self.drive
-        tilt = drive.base_rotation - base.base_rotation
-        couples = np.einsum("tgij,tgi->tj", self._rows, drive.couples - base.couples)
-        standing = base.wrenches.reshape(base.samples, -1, 3)
-        wrenches = (drive.wrenches - base.wrenches).reshape(standing.shape)
-        wrenches = wrenches - np.cross(tilt[:, None], standing)
-        gravity = drive.gravity - base.gravity - np.cross(tilt, base.gravity)
-        change = [
-            drive.pressures - base.pressures,
-            wrenches.reshape(base.samples, -1) + couples,
-            gravity,
-        ]
-        twists: Floats = np.einsum("tri,ti->tr", self.baseline.input_jacobian, np.concatenate(change, axis=1))
-        eigenstrains = (drive.eigenstrains - base.eigenstrains).reshape(base.samples, -1)
-        yielded: Floats = np.einsum("tri,ti->tr", self.baseline.eigenstrain_jacobian, eigenstrains)
-        return twists + yielded
+        base, response = self.drive, self.baseline
+        # Parts of the drive that are those of the baseline change nothing, and most calls change one part.
+        wrenches = (drive.wrenches - base.wrenches).reshape(base.samples, -1, 3)
+        gravity = drive.gravity - base.gravity
+        if drive.base_rotation is not base.base_rotation:
+            tilt = drive.base_rotation - base.base_rotation
+            wrenches = wrenches - np.cross(tilt[:, None], base.wrenches.reshape(wrenches.shape))
+            gravity = gravity - np.cross(tilt, base.gravity)
+        wrenches = wrenches.reshape(base.samples, -1)
+        if drive.couples is not base.couples:
+            wrenches = wrenches + np.einsum("tgij,tgi->tj", self._rows, drive.couples - base.couples)
+        change = np.concatenate([drive.pressures - base.pressures, wrenches, gravity], axis=1)
+        twists: Floats = np.einsum("tri,ti->tr", response.input_jacobian, change)
+        if drive.eigenstrains is not base.eigenstrains:
+            eigenstrains = (drive.eigenstrains - base.eigenstrains).reshape(base.samples, -1)
+            twists = twists + np.einsum("tri,ti->tr", response.eigenstrain_jacobian, eigenstrains)
+        return twists
 
     def rigid(self, drive: Drive) -> Floats:
         """Return the twists by the turn of the base about the origin."""
         places = self.baseline.frames.positions
+        if drive.base_rotation is self.drive.base_rotation:
+            return np.zeros((len(places), 6 * places.shape[1]))
         tilt = np.broadcast_to((drive.base_rotation - self.drive.base_rotation)[:, None], places.shape)
         rigid: Floats = np.concatenate([np.cross(tilt, places), tilt], axis=-1)
         return rigid.reshape(len(places), -1)
