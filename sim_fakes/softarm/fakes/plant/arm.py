@@ -1,5 +1,6 @@
 """The fake arm: dynamics of a chain of rigid bodies with rubber, pressures and loads of its own."""
 
+import math
 from collections.abc import Mapping
 
 import mujoco
@@ -226,7 +227,8 @@ class FakeArm:
         if settling:
             self._chain.model.dof_damping[:] = SETTLING_DAMPING * self._damping
         elif self._parameters.damping_rise > 0.0:
-            slow = np.exp(-np.linalg.norm(self._velocity(-1)) / self._parameters.damping_speed)
+            velocity = self._velocity(-1)
+            slow = np.exp(-math.sqrt(velocity.dot(velocity)) / self._parameters.damping_speed)
             self._chain.model.dof_damping[:] = (1.0 + self._parameters.damping_rise * slow) * self._damping
 
     def _modulus_factor(self) -> float:

@@ -40,16 +40,14 @@ def inverse(quaternion: Floats) -> Floats:
 
 def product(first: Floats, second: Floats) -> Floats:
     """Multiply quaternions: the rotation ``second`` followed by ``first``, shape (..., 4)."""
-    a, b = np.moveaxis(first, -1, 0), np.moveaxis(second, -1, 0)
-    return np.stack(
-        [
-            a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-            a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
-            a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
-            a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
-        ],
-        axis=-1,
+    a, b = first.T, second.T  # component by component: the transpose turns all axes round
+    parts = (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
     )
+    return np.array(parts).T
 
 
 def tilt(axis: Floats) -> Floats:
