@@ -1,6 +1,8 @@
 """The command of the proof."""
 
 from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 import click
@@ -12,7 +14,7 @@ from acceptance.proof.schedule import SealedTrial, schedule
 from acceptance.proof.sensitivity import sensitivity_table
 from acceptance.proof.trial import Folders, forget, lay_out, name_of, record
 from softarm.bench.diagnosis import jobs_option
-from softarm.bench.trials.folders import Trial, read_answer, read_trials
+from softarm.bench.trials.folders import read_answer, read_trials
 from softarm.bench.trials.outcome import read_outcomes
 from softarm.bench.trials.page import from_source, write_page
 from softarm.bench.trials.run import run_trials
@@ -109,7 +111,7 @@ def run_fake_trials(
     *,
     keep: bool,
 ) -> None:
-    """Record and diagnose the trials that have no outcome yet, one arm after the other.
+    """Record and diagnose the trials that have no outcome yet.
 
     Args:
         planned: Which trials.
@@ -119,18 +121,24 @@ def run_fake_trials(
         jobs: Arms at a time.
         keep: Keep recordings after their diagnosis.
     """
-    with progress("sealed trials", len(planned) * len(motions)) as advance:
-        for trial in planned:
-            known = {outcome.trial for outcome in read_outcomes(folders.results)}
+    known = {outcome.trial for outcome in read_outcomes(folders.results)}
+    with (
+        progress("sealed trials", len(planned) * len(motions)) as advance,
+        ProcessPoolExecutor(jobs, mp_context=get_context("spawn")) as arms,
+        ThreadPoolExecutor(jobs) as pool,
+    ):
+
+        def one(trial: SealedTrial) -> None:
             waiting = [motion for motion in motions if name_of(trial, motion) not in known]
             advance(len(motions) - len(waiting))
-            if not waiting:
-                continue
-            record(trial, folders)
-            laid_out: list[Trial] = [lay_out(trial, motion, folders, specimen) for motion in waiting]
-            run_trials(laid_out, folders.root, jobs, advance)
-            if not keep:
-                forget(trial, folders)
+            if waiting:
+                arms.submit(record, trial, folders).result()
+                laid_out = [lay_out(trial, motion, folders, specimen) for motion in waiting]
+                run_trials(laid_out, folders.root, 1, advance)
+                if not keep:
+                    forget(trial, folders)
+
+        list(pool.map(one, planned))
 
 
 def scored(planned: Sequence[SealedTrial], motions: Sequence[str], folders: Folders) -> tuple[Table, ...]:

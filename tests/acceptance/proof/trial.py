@@ -13,7 +13,7 @@ import tomli_w
 from acceptance.proof.schedule import SealedTrial
 from acceptance.trial import draw, record_trial
 from softarm.analysis.diagnosis.report import FILE
-from softarm.bench.trials.folders import TRIAL_FILE, Trial, read_trials
+from softarm.bench.trials.folders import TRIAL_FILE, Trial, read_trial
 from softarm.bench.trials.outcome import TrialOutcome
 from softarm.bench.trials.run import RESULTS, WRITTEN, diagnose_trial
 from softarm.common.errors import WorkFailedError
@@ -105,7 +105,7 @@ def lay_out(trial: SealedTrial, motion: str, folders: Folders, specimen: str) ->
     folders.answers.mkdir(parents=True, exist_ok=True)
     answer = {"kind": trial.kind, "motion": motion, "concealed": concealed(folders.truth(trial))}
     (folders.answers / f"{name}.toml").write_text(tomli_w.dumps(answer))
-    return next(one for one in read_trials(folders.trials) if one.name == name)
+    return read_trial(folder)
 
 
 def concealed(truth: Path) -> list[dict[str, Any]]:

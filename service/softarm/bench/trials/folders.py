@@ -71,13 +71,18 @@ def read_trials(folder: Path) -> tuple[Trial, ...]:
     """
     if not folder.is_dir():
         raise InputError(str(folder), "is not a folder", "give the folder that holds one folder per trial")
-    trials = tuple(_read_trial(path.parent) for path in sorted(folder.glob(f"*/{TRIAL_FILE}")))
+    trials = tuple(read_trial(path.parent) for path in sorted(folder.glob(f"*/{TRIAL_FILE}")))
     if not trials:
         raise InputError(str(folder), f"holds no trial: no */{TRIAL_FILE}", "see docs/diagnosis-proof.md")
     return trials
 
 
-def _read_trial(folder: Path) -> Trial:
+def read_trial(folder: Path) -> Trial:
+    """Read one trial.
+
+    Raises:
+        InputError: It is not complete.
+    """
     table = _read_table(folder / TRIAL_FILE)
     specimen = table.get("specimen")
     if not isinstance(specimen, str):

@@ -19,6 +19,8 @@ RESULTS = "results.jsonl"
 WRITTEN = "specimen.toml"
 """The improved specimen beside a report."""
 TIME_LIMIT_S = 900.0
+_WRITING = Lock()
+"""Held while an outcome is added to a file."""
 
 
 def run_trials(
@@ -26,7 +28,6 @@ def run_trials(
     out: Path,
     jobs: int,
     advance: Callable[[float], None],
-    after: Callable[[Trial], None] = lambda _: None,
 ) -> list[TrialOutcome]:
     """Diagnose the trials that have no outcome yet.
 
@@ -35,22 +36,19 @@ def run_trials(
         out: Folder of reports and outcomes; a run that was ended goes on from what is there.
         jobs: Diagnoses at a time.
         advance: Called with 1 after each.
-        after: Called after each diagnosis.
 
     Returns:
         The outcomes of all trials, those of earlier runs included.
     """
     results = out / RESULTS
     outcomes = {outcome.trial: outcome for outcome in read_outcomes(results)}
-    writing = Lock()
 
     def one(trial: Trial) -> None:
         report = out / "reports" / trial.name
         outcome = diagnose_trial(trial, report, ("--write-specimen", str(report / WRITTEN)))
-        after(trial)
-        with writing:
+        with _WRITING:
             add_outcome(outcome, results)
-            outcomes[trial.name] = outcome
+        outcomes[trial.name] = outcome
 
     waiting = [trial for trial in trials if trial.name not in outcomes]
     advance(len(trials) - len(waiting))
