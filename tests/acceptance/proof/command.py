@@ -59,7 +59,12 @@ the answers lie in a folder that only the scorer opens.
     default=PARTS[:-1],
     help="What to prove; all but the sensitivity, on the trials that --keep kept, when left out.",
 )
-@click.option("--forces", default=12, show_default=True, help="Trials on whose pull the force is estimated.")
+@click.option(
+    "--compared",
+    default=6,
+    show_default=True,
+    help="Trials on which alternatives are compared, and on whose pull the force is estimated.",
+)
 @click.option("--write", type=PATH, help="Write the tables to a page; its others stay.")
 @quick_option
 @json_option
@@ -71,7 +76,7 @@ def command(
     specimen: str,
     keep: bool,
     parts: tuple[str, ...],
-    forces: int,
+    compared: int,
     write: Path | None,
     quick: bool,
     as_json: bool,
@@ -87,12 +92,13 @@ def command(
     if "trials" in parts:
         run_fake_trials(planned, motions, folders, specimen, jobs, keep=keep)
         tables += from_source(scored(planned, motions, folders), "fake arm")
+    acting = [trial for trial in planned if trial.kind in ("single", "pair")][: 1 if quick else compared]
     if "alternatives" in parts:
-        tables.append(alternatives_table(folders, specimen, say))
+        tables.append(alternatives_table(acting, folders, specimen, say))
     if "force" in parts:
-        tables.append(force_table(folders, specimen, say, 1 if quick else forces))
+        tables.append(force_table(folders, say, 1 if quick else compared))
     if "cost" in parts:
-        tables.append(cost_table(folders, specimen, say))
+        tables.append(cost_table(acting[0], folders, specimen, say))
     if "sensitivity" in parts:
         tables.append(sensitivity_table(read_trials(folders.trials), folders.root / "products", say))
     show(*tables, as_json=as_json)

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from acceptance.proof.alternatives import EXCITATION, TRIAL
-from acceptance.proof.trial import FORCE_RUN, Folders, diagnosed
+from acceptance.proof.trial import FORCE_RUN, Folders
 from softarm.analysis.offline.inputs import in_its_mount, load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track
@@ -21,18 +20,15 @@ RATE = 5.0
 """Estimates per second."""
 
 
-def force_table(folders: Folders, specimen: str, say: Callable[[str], None], largest: int) -> Table:
+def force_table(folders: Folders, say: Callable[[str], None], largest: int) -> Table:
     """Estimate the pull of the gauge in trials with findings, on the specimen without and with them.
 
     Args:
-        folders: Where the proof works; trials whose pull was kept count, where there are none that of the
-            alternatives.
-        specimen: What the tool is given.
+        folders: Where the proof works; diagnosed trials whose pull was kept count.
         say: Tells how far it is.
         largest: Number of trials at most.
     """
     chosen = [one for one in read_outcomes(folders.results) if _usable(one, folders)][:largest]
-    chosen = chosen or [diagnosed(TRIAL, EXCITATION, folders, specimen, say)]
     rows: list[dict[str, Cell]] = []
     for number, one in enumerate(chosen, start=1):
         say(f"force on {one.trial}, {number} of {len(chosen)}")
