@@ -3,6 +3,7 @@
 import ast
 import importlib
 import inspect
+import json
 import pickle
 import sys
 from collections.abc import Callable, Iterator, Sequence
@@ -31,6 +32,8 @@ OF_THE_CHOICE = ("choose", "candidates", "judge", "probability", "screen", "unna
 OF_THE_FITS = frozenset({"MOST_SURPRISE", "ALIKE", "EXACT_STEPS"})
 """Constants of the choice that change fits, so that none may be kept from other values."""
 STEP = 0.2
+VERDICTS = "verdicts.jsonl"
+"""One JSON line per trial, constant and factor, beside the products; a run that was ended goes on from it."""
 
 Verdict = tuple[str, ...]
 """A verdict, and each name with its place."""
@@ -158,24 +161,28 @@ def sensitivity_table(
 
     Args:
         trials: The fixed set.
-        kept: Folder of products.
+        kept: Folder of products and verdicts, of one version of the program.
         say: Told what the verdicts are.
         advance: Called after each constant of each trial.
     """
     constants = deciding_constants()
     changes: dict[DecidingConstant, list[str]] = {one: [] for one in constants}
     for trial in trials:
+        known = read_verdicts(kept, trial)
         evidence = products_of_trial(trial, kept)
         search = remembering(evidence)
         usual = verdict_of(_fresh(search))
         say(f"{trial.name}: {', '.join(usual)}")
         for one in constants:
             for factor in (1.0 - STEP, 1.0 + STEP):
-                with moved(one, factor):
-                    again = one.module in OF_THE_NOISE or one.name in OF_THE_FITS
-                    found = verdict_of(remembering(evidence) if again else _fresh(search))
-                if found != usual:
-                    changes[one].append(f"{trial.name} x {factor:g}: {', '.join(found)}")
+                key = f"{one.module}.{one.name} x {factor:g}"
+                if key not in known:
+                    with moved(one, factor):
+                        again = one.module in OF_THE_NOISE or one.name in OF_THE_FITS
+                        known[key] = verdict_of(remembering(evidence) if again else _fresh(search))
+                    add_verdict(kept, trial, key, known[key])
+                if known[key] != usual:
+                    changes[one].append(f"{trial.name} x {factor:g}: {', '.join(known[key])}")
             advance(1.0)
     rows: list[dict[str, Cell]] = [
         {
@@ -188,6 +195,20 @@ def sensitivity_table(
         for one in constants
     ]
     return Table(f"Deciding constants moved by a fifth on {len(trials)} trials", rows)
+
+
+def read_verdicts(kept: Path, trial: Trial) -> dict[str, Verdict]:
+    """Read the verdicts on a trial of earlier runs, by constant and factor."""
+    file = kept / VERDICTS
+    lines = file.read_text().rpartition("\n")[0].splitlines() if file.exists() else []
+    return {key: tuple(verdict) for name, key, verdict in map(json.loads, lines) if name == trial.name}
+
+
+def add_verdict(kept: Path, trial: Trial, key: str, verdict: Verdict) -> None:
+    """Keep a verdict."""
+    kept.mkdir(parents=True, exist_ok=True)
+    with (kept / VERDICTS).open("a") as file:
+        file.write(json.dumps([trial.name, key, verdict]) + "\n")
 
 
 def _fresh(search: RememberingSearch) -> RememberingSearch:

@@ -78,6 +78,16 @@ def test_changes_count_for_the_constant_of_one_module_alone(monkeypatch, tmp_pat
     assert [row["constant"] for row in changing] == ["conclude.SURE"]
 
 
+def test_a_run_that_was_ended_goes_on_from_its_verdicts(monkeypatch, tmp_path):
+    done = []
+    rows_that_change(monkeypatch, tmp_path, lambda: done.append(1) or "consistent")
+    first = len(done)
+    changing = rows_that_change(monkeypatch, tmp_path, lambda: done.append(1) or "consistent")
+    assert first == 1 + 2 * len(deciding_constants())
+    assert len(done) == first + 1
+    assert not changing
+
+
 def test_a_search_that_starts_anew_keeps_fits_but_no_predictions():
     """A moved constant may change how folds are predicted."""
     rng = np.random.default_rng(1)

@@ -68,8 +68,8 @@ class Vibrations:
     arm: VibratingArm
     still: Floats
 
-    def couples(self, change: Floats, modal: ModalChange, section: int) -> Floats:
-        """Return the couples by which an effect changes the vibration, shape (samples, strains).
+    def lag(self, change: Floats, modal: ModalChange, section: int) -> Floats:
+        """Return by how much an effect changes the vibration, shape (samples, strains).
 
         Args:
             change: What it changes of the quasi-static strains, shape (samples, strains).
@@ -77,14 +77,14 @@ class Vibrations:
             section: Section that an added mass is fixed to.
         """
         if modal.added_mass == 0.0 and modal.mass_ratio == 1.0:
-            return self.arm.couples(self.arm.lag(change))
+            return self.arm.lag(change)
         added = np.zeros(self.arm.dynamics.places.shape[1])
         added[section] = modal.added_mass
         heavier = self.arm.heavier(modal.mass_ratio, added)
-        return self.arm.couples(heavier.lag(self.still + change) - self._lag)
+        return heavier.lag(self.still + change) - self._usual_lag
 
     @cached_property
-    def _lag(self) -> Floats:
+    def _usual_lag(self) -> Floats:
         return self.arm.lag(self.still)
 
 
@@ -130,6 +130,13 @@ class Stage:
         strains = self.arm.segments.rows(response.frames).reshape(samples, -1, 6 * sections)
         couple_jacobian: Floats = by_wrench @ np.swapaxes(strains, 1, 2)
         return couple_jacobian
+
+    @cached_property
+    def _lag_jacobian(self) -> Floats:
+        """Derivative of the predictions by strains of the vibration, shape (samples, rows, 4 segments)."""
+        assert self.vibrations is not None
+        by_lag: Floats = self.couple_jacobian @ self.vibrations.arm.dynamics.stiffness
+        return by_lag
 
     @cached_property
     def by_eigenstrain(self) -> Floats:
@@ -258,8 +265,8 @@ class Stage:
         if self.vibrations is None or not vibrating:
             return moved
         strained = np.nan_to_num(_applied(self.strains_by_drive[placed.field], change))
-        couples = self.vibrations.couples(strained, placed.effect.modal(placed.theta), placed.spot.section)
-        return moved + _applied(self.couple_jacobian, couples)
+        lag = self.vibrations.lag(strained, placed.effect.modal(placed.theta), placed.spot.section)
+        return moved + _applied(self._lag_jacobian, lag)
 
     @cached_property
     def signals(self) -> Signals:
