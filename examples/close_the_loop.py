@@ -71,11 +71,6 @@ class Watch:
         """Median of the forces that there seem to be [N]: in fast transients a live estimate may be lost."""
         return float(np.median(self.forces)) if self.forces else float("nan")
 
-    @property
-    def force_rms_n(self) -> float:
-        """Root mean square of these forces [N], to which a change that shows in few poses adds as well."""
-        return float(np.sqrt(np.mean(np.square(self.forces)))) if self.forces else float("nan")
-
     def row(self, specimen: str) -> dict[str, str | float]:
         """Give the row of the table."""
         share = self.inconsistent / len(self.innovations) if self.innovations else float("nan")
@@ -83,7 +78,6 @@ class Watch:
         return {
             "specimen": specimen,
             "apparent_force_n": self.force_n,
-            "apparent_force_rms_n": self.force_rms_n,
             "innovation_squared": median,
             "inconsistent_percent": 100.0 * share,
         }
@@ -154,11 +148,10 @@ def main(out: Path, specimen: str | None, endpoint: str) -> None:
     for finding in report.findings:
         say(finding.statement)
     _, changed, after = watched
-    ratio, ratio_rms = after.force_n / changed.force_n, after.force_rms_n / changed.force_rms_n
     notes = (
         f"Concealed: chamber 0 lost {-100 * EFFECT['change']:.0f} %. No force acted on the arm: "
         "what it shows before the change is the error of its model.",
-        f"Error ratio {ratio:.3g}, of rms {ratio_rms:.3g}. Verdict: {report.verdict}.",
+        f"Error ratio {after.force_n / changed.force_n:.3g}. Verdict: {report.verdict}.",
     )
     names = ("before the change", "after the change", "with what was found")
     rows = [seen.row(name) for seen, name in zip(watched, names, strict=True)]

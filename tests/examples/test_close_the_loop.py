@@ -42,7 +42,6 @@ def test_forces_and_verdicts_are_summed_up(loop: ModuleType):
     seen.add_mismatch(mismatch(1.0, consistent=True))
     row = seen.row("plain")
     assert row["apparent_force_n"] == pytest.approx(0.35)
-    assert row["apparent_force_rms_n"] == pytest.approx(np.sqrt(0.125))
     assert row["inconsistent_percent"] == 50.0
     assert row["innovation_squared"] == 2.5
 
