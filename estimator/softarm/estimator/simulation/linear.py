@@ -51,13 +51,13 @@ class LinearisedArm:
         """Return the twists by deformation; a turned base turns gravity and wrenches the other way."""
         base, response = self.drive, self.baseline
         # Parts of the drive that are those of the baseline change nothing, and most calls change one part.
-        wrenches = (drive.wrenches - base.wrenches).reshape(base.samples, -1, 3)
+        wrenches: Floats = (drive.wrenches - base.wrenches).reshape(base.samples, -1)
         gravity = drive.gravity - base.gravity
         if drive.base_rotation is not base.base_rotation:
             tilt = drive.base_rotation - base.base_rotation
-            wrenches = wrenches - np.cross(tilt[:, None], base.wrenches.reshape(wrenches.shape))
+            standing = base.wrenches.reshape(base.samples, -1, 3)
+            wrenches = wrenches - np.cross(tilt[:, None], standing).reshape(wrenches.shape)
             gravity = gravity - np.cross(tilt, base.gravity)
-        wrenches = wrenches.reshape(base.samples, -1)
         if drive.couples is not base.couples:
             wrenches = wrenches + np.einsum("tgij,tgi->tj", self._rows, drive.couples - base.couples)
         change = np.concatenate([drive.pressures - base.pressures, wrenches, gravity], axis=1)
