@@ -1,6 +1,7 @@
 """The control loop itself, in virtual time and on stand-ins of its surroundings."""
 
 import asyncio
+import itertools
 import json
 import logging
 import threading
@@ -210,6 +211,16 @@ async def test_a_force_that_is_not_estimated_is_not_said_to_be_known(arm):
         assert np.isnan(covariance[:, 2]).all()
         assert f"force on {load.section} along z: it is not estimated" in estimate.unobservable
     json.loads(estimate.model_dump_json(), parse_constant=lambda word: pytest.fail(word))
+
+
+async def test_the_latency_of_an_estimate_ends_at_its_stamp(tmp_path):
+    """What a subscriber adds from the stamp on must not be in it already."""
+    ticking = itertools.count(10**9, 1000)
+    arm = Arm(tmp_path, Clocks(lambda: next(ticking), lambda: UNIX_NS))
+    arm.step(3)
+    request, estimate = arm.loop.estimates.process.requests[-1], arm.outlet.of("estimate")[-1]
+    ended_ns = request.newest_arrival_ns + estimate.latency_s * 1e9
+    assert ended_ns == pytest.approx(estimate.stamp.monotonic_ns, abs=0.1)
 
 
 async def test_advice_names_the_recording_and_the_specimen(arm):

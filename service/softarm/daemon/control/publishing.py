@@ -160,11 +160,13 @@ class Publisher:
         dof = result.degrees_of_freedom
         ratio = float(np.sqrt(result.innovation_squared / dof)) if dof > 0.1 else None
         solved: Status = "degraded" if request.lost else "converged"
+        loads = self._estimator_state.load_map.forces(net, result.load_covariance)
+        stamp = self._stamp("estimate")  # after all that takes time, so that its time is that of sending
         return Estimate(
-            stamp=self._stamp("estimate"),
+            stamp=stamp,
             status=solved if result.converged else "not_converged",
             model=self._model,
-            loads=self._estimator_state.load_map.forces(net, result.load_covariance),
+            loads=loads,
             contact=self._estimator_state.contact,
             in_contact=self._estimator_state.contact_since_unix_ns is not None,
             tare_n=self._estimator_state.load_map.vectors(self._estimator_state.tare),
@@ -173,7 +175,7 @@ class Publisher:
             unobservable=(*result.unobservable, *self._estimator_state.load_map.not_estimated),
             sensors_used=request.used,
             sensors_lost=request.lost,
-            latency_s=(self._clock_ns() - request.newest_arrival_ns) * 1e-9,
+            latency_s=(stamp.monotonic_ns - request.newest_arrival_ns) * 1e-9,
             solve_s=result.solve_s,
         )
 
