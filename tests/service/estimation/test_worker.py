@@ -83,6 +83,47 @@ async def test_mailbox_keeps_the_newest_only(tmp_path):
     assert worker.replaced == 3
 
 
+def finishing(path):
+    def finish():
+        with open(path) as gate:  # noqa: PTH123
+            gate.read()
+
+    return BuiltSolver(lambda value: value, finish=finish)
+
+
+async def test_a_result_does_not_wait_for_what_need_not_be_in_it(tmp_path):
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    results = Results()
+    async with Worker(partial(finishing, str(gate)), results.take) as worker:
+        await until(worker, lambda state: state.running)
+        worker.submit(lambda: 4)
+        await results.wait(1)
+        await asyncio.to_thread(gate.write_text, "go")
+    assert results.values == [4]
+
+
+async def test_the_next_request_is_made_after_what_came_with_the_result(tmp_path):
+    """A reading that the loop has received together with a result belongs into the request after it."""
+    gate = tmp_path / "gate"
+    os.mkfifo(gate)
+    newest, results = ["old"], Results()
+    loop = asyncio.get_running_loop()
+
+    def take(value):
+        loop.call_soon(newest.append, "new")  # as the handler of a packet that came at the same time
+        results.take(value)
+
+    async with Worker(partial(gated, str(gate)), take) as worker:
+        await until(worker, lambda state: state.running)
+        worker.submit(lambda: "first")
+        worker.submit(lambda: newest[-1])
+        for count in (1, 2):
+            await asyncio.to_thread(gate.write_text, "go")
+            await results.wait(count)
+    assert results.values == ["first", "new"]
+
+
 async def test_a_request_that_comes_to_nothing_leaves_the_process_free():
     results = Results()
     async with Worker(double, results.take) as worker:

@@ -3,6 +3,9 @@
 Numerics in a thread hold the interpreter's lock for tens of milliseconds; in a process they cannot delay
 the control loop. Requests and results are small, so pipes carry them. The loop reads a result as it comes, in
 as many parts as that takes, and a thread waits for the end of a process: the loop waits for neither.
+
+A request is made when the process is free for it and all that has arrived by then has been read: at a high
+rate a packet is older by the time that it waits for the estimate before it.
 """
 
 import asyncio
@@ -38,10 +41,12 @@ class BuiltSolver:
     Args:
         solve: Answers requests.
         report: What the parent receives once, before the first result.
+        finish: Called after each answer has been sent, for what need not be in it.
     """
 
     solve: Solver
     report: Any = None
+    finish: Callable[[], None] = lambda: None
 
 
 SolverFactory = Callable[[], BuiltSolver]
@@ -106,15 +111,17 @@ def _serve(requests: Connection, results: Connection, factory: SolverFactory, ni
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
     faulthandler.register(signal.SIGALRM, all_threads=True)  # shows in the log where it is stuck
     sys.setswitchinterval(SWITCH_S)
+    inbox = _Inbox(requests)
     try:
         built = factory()
         gc.collect()
         gc.freeze()  # a collection of all that the solver is built of takes tens of milliseconds
         _write(results, built.report)
         while True:
-            request = requests.recv()
+            request = inbox.wait()
             signal.setitimer(signal.ITIMER_REAL, 0.9 * STUCK_S)
             _write(results, built.solve(request))
+            built.finish()
             signal.setitimer(signal.ITIMER_REAL, 0.0)
     except (EOFError, BrokenPipeError):
         return
@@ -128,6 +135,46 @@ def _write(pipe: Connection, message: Any) -> None:
         left = left[os.write(pipe.fileno(), left) :]
 
 
+class _Inbox:
+    """Reads messages from a pipe, each behind its length, in as many parts as they come in."""
+
+    def __init__(self, pipe: Connection) -> None:
+        self._pipe = pipe
+        self._received = bytearray()
+
+    def read(self) -> bool:
+        """Read what has come; return whether the pipe is still open."""
+        try:
+            data = os.read(self._pipe.fileno(), _CHUNK)
+        except BlockingIOError:
+            return True
+        self._received += data
+        return bool(data)
+
+    def messages(self) -> Iterator[Any]:
+        """Take the messages that are complete."""
+        received = self._received
+        while len(received) >= _LENGTH.size:
+            end = _LENGTH.size + _LENGTH.unpack_from(received)[0]
+            if len(received) < end:
+                return
+            message = pickle.loads(received[_LENGTH.size : end])
+            del received[:end]
+            yield message
+
+    def wait(self) -> Any:
+        """Wait for the next message.
+
+        Raises:
+            EOFError: The pipe was closed.
+        """
+        while True:
+            for message in self.messages():
+                return message
+            if not self.read():
+                raise EOFError
+
+
 @dataclass(eq=False)
 class _Child:
     """One process with its pipes.
@@ -137,7 +184,6 @@ class _Child:
         results: Our end of the pipe from it, which does not block.
         started_s: When it was started [s].
         ready: Whether it has reported that it is ready.
-        received: What has come of a message that is not complete.
     """
 
     process: BaseProcess
@@ -145,27 +191,9 @@ class _Child:
     results: Connection
     started_s: float
     ready: bool = field(default=False)
-    received: bytearray = field(default_factory=bytearray)
 
-    def read(self) -> bool:
-        """Read what has come; return whether the pipe is still open."""
-        try:
-            data = os.read(self.results.fileno(), _CHUNK)
-        except BlockingIOError:
-            return True
-        self.received += data
-        return bool(data)
-
-    def messages(self) -> Iterator[Any]:
-        """Take the messages that are complete."""
-        received = self.received
-        while len(received) >= _LENGTH.size:
-            end = _LENGTH.size + _LENGTH.unpack_from(received)[0]
-            if len(received) < end:
-                return
-            message = pickle.loads(received[_LENGTH.size : end])
-            del received[:end]
-            yield message
+    def __post_init__(self) -> None:
+        self.inbox = _Inbox(self.results)
 
 
 class Worker(Generic[Request, Result]):
@@ -262,7 +290,7 @@ class Worker(Generic[Request, Result]):
             return
         self._busy, self._sent_s = True, self._clock()
         with contextlib.suppress(OSError):  # the end of the other pipe reports that of the process
-            child.requests.send(request)
+            _write(child.requests, request)
 
     def _start(self) -> None:
         self._pause = None
@@ -286,8 +314,8 @@ class Worker(Generic[Request, Result]):
 
     def _receive(self, child: _Child) -> None:
         """Handle the results that have come, and the end of the process, which closes its end of the pipe."""
-        is_open = child.read()
-        for message in child.messages():
+        is_open = child.inbox.read()
+        for message in child.inbox.messages():
             self._on_message(child, message)
         if not is_open:
             self._on_end(child)
@@ -301,8 +329,11 @@ class Worker(Generic[Request, Result]):
         else:
             child.ready = self._was_ready = True
             self._on_report(message)
-        if self._waiting is not None and self._child is child and not self._busy:
-            self._send(self._waiting, child)
+        self._loop.call_soon(self._send_waiting)  # after what came together with this result
+
+    def _send_waiting(self) -> None:
+        if self._waiting is not None and self._child is not None and not self._busy:
+            self._send(self._waiting, self._child)
 
     def _detach(self) -> None:
         if self._child is not None:
