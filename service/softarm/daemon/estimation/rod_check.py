@@ -1,5 +1,7 @@
 """Compares the calibrated rod with the finite elements now and then, in parallel to the estimates."""
 
+import os
+import threading
 from typing import Any
 
 import numpy as np
@@ -9,6 +11,8 @@ from softarm.estimator.model import ArmModel, Frames, Inputs
 from softarm.estimator.rotations import log
 
 INTERVAL_S = 10.0
+LAST = 19
+"""Niceness of the comparison: it takes a tenth of a second and more, in which estimates are due."""
 
 
 class RodCheck(Background[tuple[Inputs, Frames], float | None]):
@@ -44,6 +48,7 @@ class RodCheck(Background[tuple[Inputs, Frames], float | None]):
             self.ask((inputs, frames))
 
     def _compare(self, sample: tuple[Inputs, Frames]) -> float | None:
+        os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LAST)  # of this thread alone (sched(7))
         inputs, frames = sample
         state, converged = self._model.solve(inputs, self._state)
         if not converged:
