@@ -9,7 +9,7 @@ from scipy.signal import savgol_filter
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.dynamics import MovingForces
-from softarm.estimator.dynamics.reduced_arm import reduced
+from softarm.estimator.dynamics.reduced_arm import Reduction
 from softarm.estimator.inverse import ArmEstimate, Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rotations import exp
@@ -57,7 +57,7 @@ def arm() -> ToyArm:
 def swinging(arm: ToyArm) -> Floats:
     """Return the forces that would hold the arm where it passes while it swings freely."""
     (readings, at), *_ = estimates(arm, np.zeros((1, len(arm.loads))))
-    small = reduced(at, LOADS, arm.sections, NEIGHBOURS, MASSES, SUITE.own_noise(readings))
+    small = Reduction.of(LOADS, arm.sections, NEIGHBOURS, MASSES).at(at, SUITE.own_noise(readings))
     assert small is not None
     holding = np.zeros((len(TIME), len(arm.loads)))
     lowest = np.sqrt(np.linalg.eigvals(np.linalg.solve(small.mass, small.stiffness)).min())
@@ -86,7 +86,7 @@ def test_mass_times_acceleration_is_not_taken_for_a_force(arm: ToyArm) -> None:
 def test_masses_and_stiffness_are_those_of_the_tip(arm: ToyArm) -> None:
     (readings, at), *_ = estimates(arm, np.tile([0.05, 0.0], (len(TIME), 1)))
     alone = Masses(np.array([0.0, 0.05]), np.zeros(2))
-    small = reduced(at, arm.loads, arm.sections, NEIGHBOURS, alone, SUITE.own_noise(readings))
+    small = Reduction.of(arm.loads, arm.sections, NEIGHBOURS, alone).at(at, SUITE.own_noise(readings))
     assert small is not None
     np.testing.assert_allclose(small.mass, 0.05 * np.eye(2), atol=2e-3)
     less, more = (

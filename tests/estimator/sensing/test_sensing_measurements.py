@@ -238,3 +238,19 @@ def test_a_moved_registration_moves_what_it_maps_to() -> None:
     wanted = one.to_base(points) @ exp(twist[3:]).T + twist[:3]
     np.testing.assert_allclose(one.moved(twist).to_base(points), wanted, atol=1e-12)
     np.testing.assert_allclose(one.moved(twist).to_laboratory(wanted), points, atol=1e-12)
+
+
+@pytest.mark.parametrize("lost", [(), (0,), (0, 1)])
+def test_orientations_at_one_instant_are_seen_as_among_other_sensors(lost: tuple[int, ...]) -> None:
+    """A suite of orientations alone has a kernel of its own."""
+    alone = [replace(SENSORS[0], name=f"orientation_{k}", section=k, sigma=0.01 + k) for k in (1, 0)]
+    at, beside = frames(), SENSORS[3]
+    readings = SensorSuite(tuple(alone)).predict(frames())
+    for k in lost:
+        readings[4 * k : 4 * k + 4] = np.nan
+    seen = SensorSuite(tuple(alone)).observe(at, readings)
+    among = SensorSuite((*alone, beside)).observe(at, np.concatenate([readings, [np.nan, np.nan]]))
+    np.testing.assert_array_equal(seen.rows, among.rows)
+    np.testing.assert_allclose(seen.innovation, among.innovation, atol=1e-15)
+    np.testing.assert_allclose(seen.twists, among.twists, atol=1e-15)
+    np.testing.assert_array_equal(seen.covariance, among.covariance)

@@ -57,34 +57,81 @@ class ForceFilter:
 
     def at(self, arm: ReducedArm, seconds: float) -> "ForceFilter":
         """Return what is known at the next instant, ``seconds`` later."""
-        count, size, weights = len(arm.forces), self.mean.shape[1], self.weights.copy()
-        mean, covariance, fit = (
-            np.empty_like(self.mean),
-            np.empty_like(self.covariance),
-            np.empty(len(weights)),
-        )
-        _mix(self.mean, self.covariance, weights, np.exp(-seconds / DWELL_S), mean, covariance)
-        step, implicit = np.empty((size, size)), np.empty((size, size))
-        _trapezoidal(arm.mass, arm.stiffness, seconds, DAMPING_RATIO, step, implicit)
-        # At rest without forces the displacements stay: what pushes them there is what the step takes away.
-        rest = 0.5 * (self.unloaded + arm.unloaded)
-        pushed = np.concatenate([rest, np.zeros(2 * count)]) - step[:, :count] @ rest
-        wandering = implicit[:, 2 * count :]
-        _predict(step, pushed, seconds * (wandering @ wandering.T), RATES, mean, covariance)
-        _correct(arm.stiffness, arm.noise, arm.forces, arm.unloaded, mean, covariance, fit)
-        weights *= np.exp(fit - fit.max())
-        weights /= weights.sum()
+        mean, covariance = np.empty_like(self.mean), np.empty_like(self.covariance)
+        weights = self.weights.copy()
+        _advance(
+            self.mean, self.covariance, weights, seconds, self.unloaded, RATES, arm.mass, arm.stiffness,
+            arm.noise, arm.forces, arm.unloaded, mean, covariance,
+        )  # fmt: skip
         return ForceFilter(mean, covariance, weights, arm.unloaded)
 
     @property
     def forces(self) -> tuple[Floats, Floats]:
         """Mean [N], shape (forces,), and covariance, shape (forces, forces), over all filters."""
         count = len(self.unloaded)
-        means = self.mean[:, 2 * count :]
+        means, within = self.mean[:, 2 * count :], self.covariance[:, 2 * count :, 2 * count :]
         mean: Floats = self.weights @ means
         apart = means - mean
-        within = _weighed(self.weights, self.covariance[:, 2 * count :, 2 * count :])
-        return mean, within + (self.weights[:, None] * apart).T @ apart
+        spread: Floats = (self.weights @ within.reshape(len(within), -1)).reshape(count, count)
+        return mean, spread + (self.weights[:, None] * apart).T @ apart
+
+
+@njit(cache=True, nogil=True)
+def _advance(
+    means: Floats,
+    covariances: Floats,
+    weights: Floats,
+    seconds: float,
+    rest: Floats,
+    rates: Floats,
+    mass: Floats,
+    stiffness: Floats,
+    noise: Floats,
+    forces: Floats,
+    unloaded: Floats,
+    mean: Floats,
+    covariance: Floats,
+) -> None:
+    """Fill the means and covariances of the filters at the next instant, and change their weights.
+
+    Args:
+        means: At the last instant, shape (filters, size).
+        covariances: Likewise, shape (filters, size, size).
+        weights: Changed, shape (filters,).
+        seconds: Time between the two [s].
+        rest: Displacements without the forces at the last instant [m], shape (forces,).
+        rates: Of each filter, shape (filters,).
+        mass: See ``ReducedArm``, as for all that follow.
+        stiffness: Shape (forces, forces).
+        noise: Shape (forces, forces).
+        forces: Shape (forces,).
+        unloaded: Shape (forces,).
+        mean: Filled, shape (filters, size).
+        covariance: Filled, shape (filters, size, size).
+    """
+    size, count = means.shape[1], len(forces)
+    step, implicit = np.empty((size, size)), np.empty((size, size))
+    pushed, wandering, fit = np.zeros(size), np.zeros((size, size)), np.empty(len(weights))
+    _mix(means, covariances, weights, np.exp(-seconds / DWELL_S), mean, covariance)
+    _trapezoidal(mass, stiffness, seconds, DAMPING_RATIO, step, implicit)
+    # At rest without forces the displacements stay: what pushes them there is what the step takes away.
+    for r in range(size):
+        for k in range(count):
+            between = 0.5 * (rest[k] + unloaded[k])
+            pushed[r] -= step[r, k] * between
+            if r == k:
+                pushed[r] += between
+        for c in range(size):
+            for k in range(2 * count, size):
+                wandering[r, c] += seconds * implicit[r, k] * implicit[c, k]
+    _predict(step, pushed, wandering, rates, mean, covariance)
+    _correct(stiffness, noise, forces, unloaded, mean, covariance, fit)
+    best, total = fit.max(), 0.0
+    for i in range(len(weights)):
+        weights[i] *= np.exp(fit[i] - best)
+        total += weights[i]
+    for i in range(len(weights)):
+        weights[i] /= total
 
 
 @njit(cache=True, nogil=True)
@@ -223,9 +270,3 @@ def _subtract(gain: Floats, seen: Floats, covariance: Floats) -> None:
             for k in range(len(seen)):
                 covariance[r, c] -= gain[r, k] * seen[k, c]
             covariance[c, r] = covariance[r, c]
-
-
-def _weighed(shares: Floats, matrices: Floats) -> Floats:
-    """Return weighted sums of matrices, shape (..., n, n), by shares, shape (..., filters)."""
-    sums: Floats = shares @ matrices.reshape(len(matrices), -1)
-    return sums.reshape(*shares.shape[:-1], *matrices.shape[1:])

@@ -7,7 +7,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.dynamics.force_filter import ForceFilter
-from softarm.estimator.dynamics.reduced_arm import reduced
+from softarm.estimator.dynamics.reduced_arm import Reduction
 from softarm.estimator.inverse import ArmEstimate
 from softarm.estimator.model import Load
 from softarm.estimator.sensing import SensorSuite
@@ -41,11 +41,10 @@ class MovingForces:
         loads: Sequence[Load],
         suite: SensorSuite,
     ) -> None:
-        self._sections, self._neighbours, self._masses = sections, neighbours, masses
-        self._loads, self._suite = tuple(loads), suite
-        self._applies = bool(loads) and all(
-            load.kind == "force" and load.section is not None for load in loads
-        )
+        self._suite = suite
+        self._reduction: Reduction | None = None
+        if loads and all(load.kind == "force" and load.section is not None for load in loads):
+            self._reduction = Reduction.of(loads, sections, neighbours, masses)
         self._filter: ForceFilter | None = None
         self._time = -np.inf
 
@@ -76,11 +75,8 @@ class MovingForces:
         """
         plain = estimate.inputs.loads, estimate.load_covariance
         arm = None
-        if self._applies and estimate.status != "diverged":
-            arm = reduced(
-                estimate, self._loads, self._sections, self._neighbours, self._masses,
-                self._suite.own_noise(readings),
-            )  # fmt: skip
+        if self._reduction is not None and estimate.status != "diverged":
+            arm = self._reduction.at(estimate, self._suite.own_noise(readings))
         if arm is None:
             self._filter = None
             return plain

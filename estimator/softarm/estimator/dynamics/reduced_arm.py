@@ -6,6 +6,8 @@ compliance of these displacements, J the motion of the sections under unit force
 K = C^-1 and M = K (sum of J^T m J) K.
 """
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,10 +16,10 @@ from numba import njit
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.inverse import ArmEstimate
-from softarm.estimator.model import Frames, Load
-from softarm.estimator.simulation.inertia import Masses, mass_matrix
+from softarm.estimator.model import Load
+from softarm.estimator.simulation.inertia import Masses, mass_kernel
 from softarm.estimator.simulation.segments import Neighbours
-from softarm.estimator.small_matrices import add_congruence, factorise, invert
+from softarm.estimator.small_matrices import add_congruence, factorise, invert, product
 
 
 @dataclass(frozen=True)
@@ -31,6 +33,8 @@ class ReducedArm:
         unloaded: The same at rest without these forces [m], shape (forces,).
         forces: Those that would hold the arm in this pose at rest [N], shape (forces,).
         noise: Covariance of the sensors' noise in them [N2], shape (forces, forces).
+        slowest: Lowest natural angular frequency or a little less [rad/s] (Dunkerley, Phil. Trans. A 185,
+            1894).
     """
 
     stiffness: Floats
@@ -39,84 +43,131 @@ class ReducedArm:
     unloaded: Floats
     forces: Floats
     noise: Floats
-
-    @property
-    def slowest(self) -> float:
-        """Lowest natural angular frequency or a little less [rad/s] (Dunkerley, Phil. Trans. A 185, 1894)."""
-        return float(1.0 / np.sqrt(np.trace(np.linalg.solve(self.stiffness, self.mass))))
+    slowest: float
 
 
-def reduced(
-    estimate: ArmEstimate[Any],
-    loads: tuple[Load, ...],
-    sections: tuple[str, ...],
-    neighbours: Neighbours,
-    masses: Masses,
-    own_noise: Floats,
-) -> ReducedArm | None:
-    """Reduce the arm to the displacements of its loads.
+@dataclass(frozen=True)
+class Reduction:
+    """How an arm is reduced to the displacements of its loads.
 
     Args:
-        estimate: At one instant.
-        loads: Forces on sections.
-        sections: Names of the sections.
-        neighbours: Sections above and below each segment.
+        axes: Direction of each force, shape (forces, 3).
+        places: Section of each, shape (forces,).
+        neighbours: Sections above and below each segment, shape (segments, 2).
         masses: Of sections and segments.
-        own_noise: Covariance of the sensors' own noise, shape (rows, rows) of the whole suite.
-
-    Returns:
-        The reduced arm, ``None`` where no sensor gave a reading or the forces do not each move the arm their
-        way.
     """
-    if not any(row.name == "sensors" and len(row.members) for row in estimate.rows):
-        return None
-    chambers, count = estimate.unknowns.chambers, len(loads)
-    motion = estimate.motion[:, chambers:].reshape(len(sections), 6, count)
-    axes = np.array([load.direction for load in loads])
-    places = [sections.index(load.section) for load in loads if load.section is not None]
-    frames = Frames(estimate.frames.positions[None], estimate.frames.rotations[None])
-    weight = mass_matrix(frames, neighbours, masses, motion[None])[0]
-    compliance, stiffness, mass = (np.empty((count, count)) for _ in range(3))
-    if not _reduce(motion, axes, np.array(places), weight, compliance, stiffness, mass):
-        return None
-    displacement = (axes * estimate.frames.positions[places]).sum(axis=1)
-    forces = estimate.inputs.loads
-    noise = _noise(estimate, own_noise)
-    return ReducedArm(stiffness, mass, displacement, displacement - compliance @ forces, forces, noise)
+
+    axes: Floats
+    places: Indices
+    neighbours: Indices
+    masses: Masses
+
+    @classmethod
+    def of(
+        cls, loads: Sequence[Load], sections: tuple[str, ...], neighbours: Neighbours, masses: Masses
+    ) -> "Reduction":
+        """Reduce to the displacements of forces on sections."""
+        places = [sections.index(load.section) for load in loads if load.section is not None]
+        return cls(
+            np.array([load.direction for load in loads], dtype=np.float64),
+            np.array(places, dtype=np.int64),
+            np.array(neighbours, dtype=np.int64).reshape(-1, 2),
+            masses,
+        )
+
+    def at(self, estimate: ArmEstimate[Any], own_noise: Floats) -> ReducedArm | None:
+        """Reduce the arm in the pose of an estimate.
+
+        Args:
+            estimate: At one instant.
+            own_noise: Covariance of the sensors' own noise, shape (rows, rows) of the whole suite.
+
+        Returns:
+            The reduced arm, ``None`` where no sensor gave a reading or the forces do not each move the arm
+            their way.
+        """
+        seen = next((row for row in estimate.rows if row.name == "sensors" and len(row.members)), None)
+        if seen is None:
+            return None
+        count, forces = len(self.axes), estimate.inputs.loads
+        compliance, stiffness, mass, noise = (np.empty((count, count)) for _ in range(4))
+        displacement, unloaded = np.empty(count), np.empty(count)
+        slowest = _reduce(
+            estimate.frames.positions, estimate.motion, self.axes, self.places, self.neighbours,
+            self.masses.sections, self.masses.segments, forces, compliance, stiffness, mass, displacement,
+            unloaded,
+        )  # fmt: skip
+        if slowest < 0.0:
+            return None
+        _carry(estimate.covariance, seen.weighted, own_noise, seen.members, noise)
+        return ReducedArm(stiffness, mass, displacement, unloaded, forces, noise, slowest)
 
 
 @njit(cache=True, nogil=True)
 def _reduce(
-    motion: Floats,
+    positions: Floats,
+    twists: Floats,
     axes: Floats,
     places: Indices,
-    weight: Floats,
+    neighbours: Indices,
+    sections: Floats,
+    segments: Floats,
+    forces: Floats,
     compliance: Floats,
     stiffness: Floats,
     mass: Floats,
-) -> bool:
-    """Fill C, K and M; return whether C is positive definite."""
+    displacement: Floats,
+    unloaded: Floats,
+) -> float:
+    """Fill C, K, M and displacements; return the slowest frequency, -1 where C is not positive definite."""
     count, lower = len(axes), np.empty_like(compliance)
+    motion = np.empty((1, len(positions), 6, count))
+    for section in range(len(positions)):
+        for k in range(6):
+            for c in range(count):
+                motion[0, section, k, c] = twists[6 * section + k, twists.shape[1] - count + c]
     for r in range(count):
         for c in range(count):
             compliance[r, c] = 0.0
             for k in range(3):
-                compliance[r, c] += 0.5 * axes[r, k] * motion[places[r], k, c]
-                compliance[r, c] += 0.5 * axes[c, k] * motion[places[c], k, r]
+                compliance[r, c] += 0.5 * axes[r, k] * motion[0, places[r], k, c]
+                compliance[r, c] += 0.5 * axes[c, k] * motion[0, places[c], k, r]
     if not factorise(compliance, lower):
-        return False
+        return -1.0
     invert(compliance, stiffness)
+    weight, trace = np.zeros((1, count, count)), 0.0
+    mass_kernel(
+        positions.copy().reshape(1, len(positions), 3), motion, neighbours, sections, segments, weight
+    )
     mass.fill(0.0)
-    add_congruence(1.0, stiffness, weight, mass)
-    return True
+    add_congruence(1.0, stiffness, weight[0], mass)
+    for r in range(count):
+        displacement[r] = 0.0
+        for k in range(3):
+            displacement[r] += axes[r, k] * positions[places[r], k]
+        unloaded[r] = displacement[r]
+        for c in range(count):
+            unloaded[r] -= compliance[r, c] * forces[c]
+            trace += weight[0, r, c] * stiffness[c, r]
+    return 1.0 / math.sqrt(trace)
 
 
-def _noise(estimate: ArmEstimate[Any], own_noise: Floats) -> Floats:
-    """Carry the sensors' own noise through the estimate to its loads."""
-    covariance = estimate.covariance[estimate.unknowns.chambers :]
-    noise = np.zeros((len(covariance), len(covariance)))
-    for row in estimate.rows:
-        if row.name == "sensors":
-            gain = covariance @ row.weighted
-            noise += gain @ own_noise[row.members][:, row.members] @ gain.T
-    return noise
+@njit(cache=True, nogil=True)
+def _carry(covariance: Floats, weighted: Floats, own_noise: Floats, members: Indices, noise: Floats) -> None:
+    """Fill the covariance that the sensors' own noise makes in the loads, through the estimate.
+
+    Args:
+        covariance: Of the estimate, shape (inputs, inputs).
+        weighted: J^T R^-1 of the sensors' rows, shape (inputs, rows).
+        own_noise: Shape (all rows, all rows).
+        members: Rows that are present, shape (rows,).
+        noise: Filled, shape (forces, forces); the forces are the last inputs.
+    """
+    count, rows = len(noise), len(members)
+    gain, present = np.empty((count, rows)), np.empty((rows, rows))
+    product(covariance[len(covariance) - count :], weighted, gain)
+    for r in range(rows):
+        for c in range(rows):
+            present[r, c] = own_noise[members[r], members[c]]
+    noise.fill(0.0)
+    add_congruence(1.0, gain, present, noise)

@@ -65,15 +65,23 @@ class ArmEstimate(Minimum[State]):
     def load_covariance(self) -> Floats:
         """Covariance of the load amplitudes, shape (loads, loads)."""
         chambers = self.unknowns.chambers
-        ratios = np.broadcast_to(self.force_ratios, len(self.covariance) - chambers)
-        covariance: Floats = ratios[:, None] * self.covariance[chambers:, chambers:] * ratios
-        return covariance + np.diag((self.relative_errors * self.inputs.loads) ** 2)
+        ratios = np.multiply.outer(self.force_ratios, self.force_ratios)
+        covariance: Floats = ratios * self.covariance[chambers:, chambers:]
+        covariance.reshape(-1)[:: len(covariance) + 1] += (self.relative_errors * self.inputs.loads) ** 2
+        return covariance
 
     @cached_property
     def frame_covariance(self) -> Floats:
         """Covariance of the stacked section twists ([m], [rad]), shape (6 sections, 6 sections)."""
         covariance: Floats = self.motion @ self.covariance @ self.motion.T
         return covariance
+
+    @property
+    def frame_deviations(self) -> Floats:
+        """Standard deviations of the stacked section twists ([m], [rad]), shape (6 sections,)."""
+        deviations = np.empty(len(self.motion))
+        _deviate(self.motion, self.covariance, deviations)
+        return deviations
 
     @cached_property
     def normalised_innovation_squared(self) -> float:
@@ -154,6 +162,17 @@ def _posterior(information: Floats, scale: Floats, fixed: Flags, covariance: Flo
     for r in range(count):
         for c in range(count):
             covariance[free[r], free[c]] = inverse[r, c] * scale[free[r]] * scale[free[c]]
+
+
+@njit(cache=True, nogil=True)
+def _deviate(motion: Floats, covariance: Floats, deviations: Floats) -> None:
+    """Fill the roots of the diagonal of motion covariance motion^T."""
+    for row in range(len(motion)):
+        variance = 0.0
+        for r in range(len(covariance)):
+            for c in range(len(covariance)):
+                variance += motion[row, r] * covariance[r, c] * motion[row, c]
+        deviations[row] = np.sqrt(max(variance, 0.0))
 
 
 @dataclass(frozen=True)

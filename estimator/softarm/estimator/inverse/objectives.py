@@ -10,12 +10,13 @@ from functools import cached_property
 from typing import Protocol
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing import SensorSuite
-from softarm.estimator.small_matrices import invert
+from softarm.estimator.small_matrices import invert, product
 
 
 @dataclass(frozen=True)
@@ -52,6 +53,8 @@ class WeightedRows:
         members: Row of the objective each one is, where some are absent, shape (rows,).
         weighted: J^T R^-1, shape (inputs, rows).
         normal: J^T R^-1 J, shape (inputs, inputs).
+        gradient: J^T R^-1 r, shape (inputs,).
+        cost: Weighted sum of squares at the iterate.
     """
 
     name: str
@@ -62,24 +65,89 @@ class WeightedRows:
     members: NDArray[np.int64]
     weighted: Floats
     normal: Floats
-
-    @property
-    def cost(self) -> float:
-        """Weighted sum of squares at the iterate."""
-        return float(self.innovation @ self.information @ self.innovation)
-
-    @property
-    def gradient(self) -> Floats:
-        """J^T R^-1 r, shape (inputs,)."""
-        gradient: Floats = self.weighted @ self.innovation
-        return gradient
+    gradient: Floats
+    cost: float
 
     def moved(self, change: Floats) -> "WeightedRows":
         """Return the rows after a change of the inputs, shape (inputs,)."""
-        return WeightedRows(
-            self.name, self.data, self.innovation - self.jacobian @ change, self.jacobian, self.information,
-            self.members, self.weighted, self.normal,
+        innovation, gradient = np.empty_like(self.innovation), np.empty_like(self.gradient)
+        cost = _move(
+            self.innovation, self.jacobian, self.information, self.normal, self.gradient, change,
+            innovation, gradient,
         )  # fmt: skip
+        return WeightedRows(
+            self.name, self.data, innovation, self.jacobian, self.information, self.members, self.weighted,
+            self.normal, gradient, cost,
+        )  # fmt: skip
+
+
+@njit(cache=True, nogil=True)
+def _move(
+    before: Floats,
+    jacobian: Floats,
+    information: Floats,
+    normal: Floats,
+    slope: Floats,
+    change: Floats,
+    innovation: Floats,
+    gradient: Floats,
+) -> float:
+    """Fill r - J du and J^T R^-1 r - J^T R^-1 J du; return the weighted sum of squares there."""
+    rows, inputs = jacobian.shape
+    for r in range(rows):
+        innovation[r] = before[r]
+        for c in range(inputs):
+            innovation[r] -= jacobian[r, c] * change[c]
+    for r in range(inputs):
+        gradient[r] = slope[r]
+        for c in range(inputs):
+            gradient[r] -= normal[r, c] * change[c]
+    return _square(innovation, information)
+
+
+@njit(cache=True, nogil=True)
+def _square(innovation: Floats, information: Floats) -> float:
+    """Return r^T R^-1 r."""
+    total = 0.0
+    for r in range(len(innovation)):
+        for c in range(len(innovation)):
+            total += innovation[r] * information[r, c] * innovation[c]
+    return total
+
+
+@njit(cache=True, nogil=True)
+def _weigh(
+    innovation: Floats,
+    drift: Floats,
+    jacobian: Floats,
+    covariance: Floats,
+    information: Floats,
+    weighted: Floats,
+    normal: Floats,
+    gradient: Floats,
+) -> float:
+    """Subtract a drift from an innovation and fill what follows from a covariance; return the cost.
+
+    Args:
+        innovation: Changed, shape (rows,).
+        drift: Shape (rows,).
+        jacobian: J, shape (rows, inputs).
+        covariance: R, shape (rows, rows).
+        information: Filled with R^-1, shape (rows, rows).
+        weighted: Filled with J^T R^-1, shape (inputs, rows).
+        normal: Filled with J^T R^-1 J, shape (inputs, inputs).
+        gradient: Filled with J^T R^-1 r, shape (inputs,).
+    """
+    for r in range(len(innovation)):
+        innovation[r] -= drift[r]
+    invert(covariance, information)
+    product(jacobian.T, information, weighted)
+    product(weighted, jacobian, normal)
+    for r in range(len(gradient)):
+        gradient[r] = 0.0
+        for c in range(len(innovation)):
+            gradient[r] += weighted[r, c] * innovation[c]
+    return _square(innovation, information)
 
 
 class Objective(Protocol):
@@ -109,13 +177,14 @@ class SensorObjective:
         """Linearise at an iterate; rows of absent sensors are left out."""
         observation = self.suite.observe(at.frames, self.readings, self._own_noise)
         drift, motion = at.response(observation.twists)
-        innovation = observation.innovation - drift
-        information = np.empty_like(observation.covariance)
-        invert(observation.covariance, information)
-        weighted = motion.T @ information
+        innovation, covariance = observation.innovation, observation.covariance
+        information, weighted = np.empty_like(covariance), np.empty((motion.shape[1], motion.shape[0]))
+        normal, gradient = np.empty((len(weighted), len(weighted))), np.empty(len(weighted))
+        cost = _weigh(innovation, drift, motion, covariance, information, weighted, normal, gradient)
         return WeightedRows(
-            "sensors", True, innovation, motion, information, observation.rows, weighted, weighted @ motion
-        )
+            "sensors", True, innovation, motion, information, observation.rows, weighted, normal, gradient,
+            cost,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -136,18 +205,58 @@ class PressureReadings:
 
     def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate."""
-        chambers, pressures, information = self._measured
-        innovation, jacobian = pressures - at.vector[chambers], np.eye(len(at.vector))[chambers]
-        weighted = jacobian.T @ information
+        chambers, size = self._measured, len(at.vector)
+        count = len(chambers)
+        innovation, jacobian = np.empty(count), np.zeros((count, size))
+        information, weighted = np.zeros((count, count)), np.zeros((size, count))
+        normal, gradient = np.zeros((size, size)), np.zeros(size)
+        cost = _weigh_pressures(
+            self.pressures, self.sigma, at.vector, chambers, innovation, jacobian, information, weighted,
+            normal, gradient,
+        )  # fmt: skip
         return WeightedRows(
-            self.name, self.data, innovation, jacobian, information, chambers, weighted, weighted @ jacobian
+            self.name,
+            self.data,
+            innovation,
+            jacobian,
+            information,
+            chambers,
+            weighted,
+            normal,
+            gradient,
+            cost,
         )
 
     @cached_property
-    def _measured(self) -> tuple[NDArray[np.int64], Floats, Floats]:
-        """Chambers that were measured, their pressures, and the information of these."""
-        chambers = np.flatnonzero(np.isfinite(self.pressures))
-        return chambers, self.pressures[chambers], np.diag(1.0 / self.sigma[chambers] ** 2)
+    def _measured(self) -> NDArray[np.int64]:
+        """Chambers that were measured."""
+        return np.flatnonzero(np.isfinite(self.pressures))
+
+
+@njit(cache=True, nogil=True)
+def _weigh_pressures(
+    pressures: Floats,
+    sigma: Floats,
+    vector: Floats,
+    chambers: Indices,
+    innovation: Floats,
+    jacobian: Floats,
+    information: Floats,
+    weighted: Floats,
+    normal: Floats,
+    gradient: Floats,
+) -> float:
+    """Fill the rows of measured chambers, zeros to begin with; return their cost."""
+    cost = 0.0
+    for row in range(len(chambers)):
+        k = chambers[row]
+        weight = 1.0 / (sigma[k] * sigma[k])
+        innovation[row] = pressures[k] - vector[k]
+        jacobian[row, k] = 1.0
+        information[row, row] = weighted[k, row] = normal[k, k] = weight
+        gradient[k] = weight * innovation[row]
+        cost += gradient[k] * innovation[row]
+    return cost
 
 
 @dataclass(frozen=True)
@@ -164,15 +273,10 @@ class Prior:
 
     def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate."""
-        size = len(at.vector)
-        unit, information = np.eye(size), self.information
+        size, information = len(at.vector), self.information
+        innovation = self.mean - at.vector
+        gradient: Floats = information @ innovation
         return WeightedRows(
-            "prior",
-            False,
-            self.mean - at.vector,
-            unit,
-            information,
-            np.arange(size),
-            information,
-            information,
-        )
+            "prior", False, innovation, np.eye(size), information, np.arange(size), information, information,
+            gradient, float(innovation @ gradient),
+        )  # fmt: skip

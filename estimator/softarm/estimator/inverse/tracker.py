@@ -5,6 +5,7 @@ from dataclasses import dataclass, field
 from typing import Any, Generic, TypeVar
 
 import numpy as np
+from numba import njit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.estimate import ArmEstimate, Problem
@@ -139,6 +140,7 @@ class Estimator(Generic[State, Step]):
         self._settings = settings
         self._unknowns = Unknowns.of(model.chambers, model.loads)
         self._free = InputBounds.free(self._unknowns.size)
+        self._unknown_pressures = np.diag(settings.pressure_limits**2)
         self._memory: _Memory[State] | None = None
         self._failures = 0
 
@@ -193,33 +195,26 @@ class Estimator(Generic[State, Step]):
 
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
         """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""
-        chambers, process = self._unknowns.chambers, self._settings.process
-        measured = np.isfinite(acting)
+        chambers, process, memory = self._unknowns.chambers, self._settings.process, self._memory
         mean = np.zeros(self._unknowns.size)
-        variance = np.concatenate([self._settings.pressure_limits**2, process.sigma**2])
-        mean[chambers:], loads = process.start()
-        if self._memory is not None:
-            elapsed = time - self._memory.time
-            mean[:chambers] = self._memory.inputs.pressures
-            wander = PRESSURE_DRIFT**2 * max(elapsed, 0.0)
-            # At a bound the covariance is zero, yet the pressure may leave it at once.
-            least = np.maximum(
-                np.diag(self._memory.covariance)[:chambers], self._settings.actuation.chamber_sigma**2
-            )
-            variance[:chambers] = least + wander
+        information = np.zeros((len(mean), len(mean)))
+        if memory is None:
+            before, elapsed = self._unknown_pressures, 0.0
+            mean[chambers:], loads = process.start()
+        else:
+            before, elapsed = memory.covariance, time - memory.time
+            mean[:chambers] = memory.inputs.pressures
             mean[chambers:], loads = process.predict(
-                self._memory.inputs.loads, self._memory.covariance[chambers:, chambers:], elapsed
+                memory.inputs.loads, before[chambers:, chambers:], elapsed
             )
-        information = np.zeros((self._unknowns.size, self._unknowns.size))
-        invert(loads, information[chambers:, chambers:])
-        lost = np.flatnonzero(~measured)
-        information[lost, lost] = 1.0 / variance[lost]
-        if self._memory is not None and self._failures <= self._retries:
+        sigma = self._settings.actuation.chamber_sigma
+        _inform(acting, before, sigma, max(elapsed, 0.0), loads, information)
+        if memory is not None and self._failures <= self._retries:
             # The state is in equilibrium with the last inputs: the first step carries both to the new ones.
-            return Prior(mean, information), self._memory.inputs
+            return Prior(mean, information), memory.inputs
         unloaded = np.zeros(len(mean) - chambers)
         return Prior(mean, information), Inputs(
-            np.where(measured, acting, mean[:chambers]), unloaded, gravity
+            np.where(np.isfinite(acting), acting, mean[:chambers]), unloaded, gravity
         )
 
     def _problem(
@@ -259,3 +254,26 @@ class Estimator(Generic[State, Step]):
         state, _ = self._guide.solve(guess, self._guide.rest())
         estimate = problem.solve(self._guide, (state, guess), self._settings.tolerances)
         return estimate.inputs if estimate.converged else None
+
+
+@njit(cache=True, nogil=True)
+def _inform(
+    acting: Floats, covariance: Floats, sigma: Floats, elapsed: float, loads: Floats, information: Floats
+) -> None:
+    """Fill the information of the prior: of the loads, and of the pressures whose sensors are silent.
+
+    Args:
+        acting: Chamber pressures [Pa], NaN where not measured, shape (chambers,).
+        covariance: Of the pressures at the last instant, and perhaps of more, (chambers or more, likewise).
+        sigma: Standard deviation of a measured pressure [Pa], shape (chambers,).
+        elapsed: Time since then [s].
+        loads: Covariance of the loads, shape (loads, loads).
+        information: Zeros, filled, shape (inputs, inputs).
+    """
+    chambers = len(acting)
+    invert(loads, information[chambers:, chambers:])
+    for k in range(chambers):
+        if not np.isfinite(acting[k]):
+            # At a bound the covariance is zero, yet the pressure may leave it at once.
+            least = max(covariance[k, k], sigma[k] * sigma[k])
+            information[k, k] = 1.0 / (least + PRESSURE_DRIFT**2 * elapsed)

@@ -1,6 +1,7 @@
 """From a measured pressure to the pressure that acts in the chamber."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -55,7 +56,7 @@ class ActuationMap:
             measured = measured + residual / (self.gain * np.maximum(slope, LEAST_SLOPE))
         return measured
 
-    @property
+    @cached_property
     def chamber_sigma(self) -> Floats:
         """Standard deviation of each chamber pressure near zero [Pa], shape (chambers,)."""
         return np.abs(self.gain) * self.sigma
@@ -68,6 +69,10 @@ class ActuationMap:
 
     def _from_others(self, measured: Floats) -> Floats:
         """Return what the others add [Pa]; a lost reading adds nothing."""
-        if not np.any(self.crosstalk):
+        if not self._crosses:
             return np.zeros_like(measured)
         return np.asarray(np.where(np.isfinite(measured), measured, 0.0) @ np.transpose(self.crosstalk))
+
+    @cached_property
+    def _crosses(self) -> bool:
+        return bool(np.any(self.crosstalk))

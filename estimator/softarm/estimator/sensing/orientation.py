@@ -7,7 +7,7 @@ from typing import ClassVar, Self
 import numpy as np
 from numba import njit
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import (
     exp,
@@ -74,8 +74,9 @@ class Orientation:
             reading = np.broadcast_to(reading, (*leading, 4))
         width = 6 * frames.rotations.shape[-3]
         innovations, twists = np.empty((*leading, 3)), np.zeros((*leading, 3, width))
+        alignment, laboratory = self.rotations
         sensitivity_kernel(
-            flat(rotations, 9), self._alignment, self._laboratory, flat(reading, 4), 6 * self.section + 3,
+            flat(rotations, 9), alignment, laboratory, flat(reading, 4), 6 * self.section + 3,
             innovations.reshape(-1, 3), twists.reshape(-1, 3, width),
         )  # fmt: skip
         return Sensitivity(innovations, twists)
@@ -98,15 +99,12 @@ class Orientation:
         return noise
 
     @cached_property
-    def _alignment(self) -> Floats:
-        return exp(self.misalignment)
-
-    @cached_property
-    def _laboratory(self) -> Floats:
-        return np.array(self.registration.rotation, dtype=np.float64, order="C")
+    def rotations(self) -> tuple[Floats, Floats]:
+        """Rotations of the body on the section and of the laboratory, each of shape (3, 3)."""
+        return exp(self.misalignment), np.array(self.registration.rotation, dtype=np.float64, order="C")
 
     def _rotation(self, frames: Frames) -> Floats:
-        rotation: Floats = frames.rotations[..., self.section, :, :] @ self._alignment
+        rotation: Floats = frames.rotations[..., self.section, :, :] @ self.rotations[0]
         return rotation
 
 
@@ -142,3 +140,35 @@ def sensitivity_kernel(
         rotation_vector_kernel(quaternion, innovations[n : n + 1])
         inverse_jacobian_kernel(innovations[n : n + 1], inverse)
         multiply(inverse[0], predicted.T, twists[n, :, column : column + 3])
+
+
+@njit(cache=True, nogil=True)
+def orientations_kernel(
+    rotations: Floats,
+    sections: Indices,
+    alignments: Floats,
+    laboratories: Floats,
+    readings: Floats,
+    innovation: Floats,
+    twists: Floats,
+) -> None:
+    """Fill innovations and derivatives of several sensors at one instant.
+
+    Args:
+        rotations: Of all sections, shape (sections, 3, 3).
+        sections: Section of each sensor, shape (sensors,).
+        alignments: Rotation of its body on it, shape (sensors, 3, 3).
+        laboratories: Rotation of its laboratory, shape (sensors, 3, 3).
+        readings: Quaternions, shape (4 sensors,).
+        innovation: Filled, shape (3 sensors,).
+        twists: Zeros, filled, shape (3 sensors, 6 sections).
+    """
+    count = len(sections)
+    quaternions = readings.reshape(count, 1, 4)
+    innovations, rows = innovation.reshape(count, 1, 3), twists.reshape(count, 1, 3, twists.shape[1])
+    for k in range(count):
+        section = sections[k]
+        sensitivity_kernel(
+            rotations[section : section + 1], alignments[k], laboratories[k], quaternions[k], 6 * section + 3,
+            innovations[k], rows[k],
+        )  # fmt: skip

@@ -1,5 +1,6 @@
 """All sensors of an arm, any of which may be silent at an instant."""
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -12,7 +13,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing.marker import MarkerPosition
 from softarm.estimator.sensing.measurement import Measurement, Sensitivity, Unit, rigid_motion
-from softarm.estimator.sensing.orientation import Orientation
+from softarm.estimator.sensing.orientation import Orientation, orientations_kernel
 from softarm.estimator.sensing.section_pose import MeasuredPose
 
 
@@ -123,6 +124,10 @@ class SensorSuite:
 
     def sensitivity(self, frames: Frames, readings: Floats) -> Sensitivity:
         """Compare stacked readings with the frames; rows of absent sensors have a NaN innovation."""
+        if self._orientations is not None and readings.ndim == 1 and frames.rotations.ndim == 3:
+            innovation, twists = np.empty(self.size), np.zeros((self.size, 6 * len(frames.rotations)))
+            orientations_kernel(frames.rotations, *self._orientations, readings, innovation, twists)
+            return Sensitivity(innovation, twists)
         parts = [
             measurement.sensitivity(frames, reading)
             for measurement, reading in zip(self.measurements, self._split(readings), strict=True)
@@ -175,18 +180,22 @@ class SensorSuite:
             own_noise: What ``own_noise`` gives for them, where it is known already.
         """
         whole = self.sensitivity(frames, readings)
-        rows = np.flatnonzero(np.isfinite(whole.innovation))
         covariance = self.own_noise(readings) if own_noise is None else own_noise
         if self._registrations:
             covariance = self.covariance(frames, readings, np.nan_to_num(whole.twists))
-        if len(rows) == self.size:
-            return Observation(whole.innovation, whole.twists, covariance, rows)
+        if math.isfinite(whole.innovation.sum()):
+            return Observation(whole.innovation, whole.twists, covariance, self._every_row)
+        rows = np.flatnonzero(np.isfinite(whole.innovation))
         return Observation(
             whole.innovation[rows],
             whole.twists[rows],
             covariance[rows][:, rows],
             rows,
         )
+
+    @cached_property
+    def _every_row(self) -> NDArray[np.int64]:
+        return np.arange(self.size)
 
     @cached_property
     def parameter_names(self) -> tuple[str, ...]:
@@ -242,6 +251,16 @@ class SensorSuite:
             rows[..., top:bottom, left:right] = part
             top, left = bottom, right
         return rows
+
+    @cached_property
+    def _orientations(self) -> tuple[NDArray[np.int64], Floats, Floats] | None:
+        """Sections, mounting and laboratories of sensors that are all orientations; else None."""
+        sensors = [m for m in self.measurements if isinstance(m, Orientation)]
+        if not sensors or len(sensors) < len(self.measurements):
+            return None
+        sections = np.array([sensor.section for sensor in sensors])
+        alignments, laboratories = zip(*(sensor.rotations for sensor in sensors), strict=True)
+        return sections, np.array(alignments), np.array(laboratories)
 
     def _split(self, readings: Floats) -> list[Floats]:
         return [readings[..., entries] for entries in self.reading_slices.values()]

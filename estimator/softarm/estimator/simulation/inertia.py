@@ -213,7 +213,7 @@ def mass_matrix(frames: Frames, neighbours: Neighbours, masses: Masses, twists: 
             coordinates).
     """
     matrix = np.zeros((len(twists), twists.shape[-1], twists.shape[-1]))
-    _mass(
+    mass_kernel(
         np.ascontiguousarray(frames.positions), np.ascontiguousarray(twists),
         np.array(neighbours, dtype=np.int64).reshape(-1, 2), masses.sections, masses.segments, matrix,
     )  # fmt: skip
@@ -221,7 +221,7 @@ def mass_matrix(frames: Frames, neighbours: Neighbours, masses: Masses, twists: 
 
 
 @njit(cache=True, nogil=True)
-def _mass(
+def mass_kernel(
     positions: Floats, twists: Floats, neighbours: Indices, sections: Floats, segments: Floats, matrix: Floats
 ) -> None:
     """Add m J^T J of every section and of three points of every segment, see the head of this file."""

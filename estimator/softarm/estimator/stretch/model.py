@@ -6,6 +6,7 @@ unchanged inputs and E the rows of s, the stretches move by z = E (d + C dP + D 
 dP = (1 + g s) dp + g p (z + q), q being the stretches at the frames less those that P was made with.
 """
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -58,80 +59,112 @@ class StretchedStep(Generic[State, Step]):
         Pressures that do not belong to the stretch at the iterate are out of balance: a wrapped model that
         finds its equilibrium has left the state whose stretch they were made with.
         """
-        applied = max(float(np.linalg.norm(self.inputs.pressures)), LEAST_PA)
-        return max(self.step.residual_norm, float(np.linalg.norm(self._push * self._behind)) / applied)
-
-    @cached_property
-    def _law(self) -> tuple[Floats, Floats]:
-        """Stretches at the iterate, shape (chambers,), and their rows, shape (chambers, 6 sections)."""
-        return self.model.law.linearise(self.frames)
-
-    @property
-    def _behind(self) -> Floats:
-        """Stretches that the wrapped model's pressures do not have yet, shape (chambers,)."""
-        return self._law[0] - self.made_with
-
-    @property
-    def _push(self) -> Floats:
-        """Effective pressures per unit of stretch [Pa], shape (chambers,)."""
-        return self.model.law.gain * self.inputs.pressures
+        return max(self.step.residual_norm, self._pressures[2])
 
     def response(self, rows: Floats) -> tuple[Floats, Floats]:
         """Project the motion of the sections on rows; see ``Linearisation.response``."""
         drift, columns = self.step.response(rows)
-        still, moved = self._pressures
-        chambers = self.model.chambers
-        input_jacobian = columns[:, :chambers] @ moved
-        input_jacobian[:, chambers:] += columns[:, chambers:]
-        return drift + columns[:, :chambers] @ still, input_jacobian
+        still, moved, _ = self._pressures
+        whole, jacobian = np.empty(len(rows)), np.empty_like(columns)
+        _compose(drift, columns, still, moved, whole, jacobian)
+        return whole, jacobian
 
     @cached_property
-    def _pressures(self) -> tuple[Floats, Floats]:
-        """Change of the wrapped model's pressures: at unchanged inputs, (chambers,), and per input."""
-        stretches, rows = self._law
+    def _pressures(self) -> tuple[Floats, Floats, float]:
+        """Change of the wrapped model's pressures: at unchanged inputs, (chambers,), and per input.
+
+        Behind them stands the norm of the pressure that is lacking, over that of all.
+        """
+        law = self.model.law
+        stretches, rows = law.linearise(self.frames)
         drift, columns = self.step.response(rows)
         still, moved = np.empty(len(rows)), np.empty_like(columns)
-        _follow(drift, columns, self._push, self._behind, 1.0 + self.model.law.gain * stretches, still, moved)
-        return still, moved
+        lacking = _follow(
+            drift, columns, self.inputs.pressures, law.gain, stretches, self.made_with, still, moved
+        )
+        return still, moved, lacking
 
     def inner(self, change: Floats) -> Floats:
         """Return the change of the wrapped model's inputs for that of these, shape (inputs,)."""
-        still, moved = self._pressures
+        still, moved, _ = self._pressures
         return np.concatenate([still + moved @ change, change[self.model.chambers :]])
 
 
 @njit(cache=True, nogil=True)
 def _follow(
-    drift: Floats, columns: Floats, push: Floats, behind: Floats, growth: Floats, still: Floats, moved: Floats
-) -> None:
+    drift: Floats,
+    columns: Floats,
+    pressures: Floats,
+    gain: float,
+    stretches: Floats,
+    made_with: Floats,
+    still: Floats,
+    moved: Floats,
+) -> float:
     """Fill the change of the wrapped model's pressures; symbols as at the head of this file.
 
     Args:
         drift: E d, shape (chambers,).
         columns: E C, then E D, shape (chambers, inputs).
-        push: g p, shape (chambers,).
-        behind: q, shape (chambers,).
-        growth: 1 + g s, shape (chambers,).
-        still: Filled with that at unchanged inputs, shape (chambers,).
+        pressures: p, shape (chambers,).
+        gain: g.
+        stretches: s at the iterate, shape (chambers,).
+        made_with: s that P was made with, shape (chambers,).
+        still: Filled with the change at unchanged inputs, shape (chambers,).
         moved: Filled with that per input, shape (chambers, inputs).
+
+    Returns:
+        Norm of g p q over that of p.
     """
     chambers, inputs = columns.shape
     kept, inverse = np.eye(chambers), np.empty((chambers, chambers))
     right, found = np.empty((chambers, inputs + 1)), np.empty((chambers, inputs + 1))
+    lacking, applied = 0.0, 0.0
     for r in range(chambers):
+        lacking += (gain * pressures[r] * (stretches[r] - made_with[r])) ** 2
+        applied += pressures[r] ** 2
         right[r, inputs] = drift[r]
         for c in range(inputs):
-            right[r, c] = columns[r, c] * growth[c] if c < chambers else columns[r, c]
+            right[r, c] = columns[r, c] * (1.0 + gain * stretches[c]) if c < chambers else columns[r, c]
         for c in range(chambers):
-            kept[r, c] -= columns[r, c] * push[c]
-            right[r, inputs] += columns[r, c] * push[c] * behind[c]
+            push = gain * pressures[c]
+            kept[r, c] -= columns[r, c] * push
+            right[r, inputs] += columns[r, c] * push * (stretches[c] - made_with[c])
     invert(kept, inverse)
     product(inverse, right, found)
     for r in range(chambers):
-        still[r] = push[r] * (found[r, inputs] + behind[r])
+        push = gain * pressures[r]
+        still[r] = push * (found[r, inputs] + stretches[r] - made_with[r])
         for c in range(inputs):
-            moved[r, c] = push[r] * found[r, c]
-        moved[r, r] += growth[r]
+            moved[r, c] = push * found[r, c]
+        moved[r, r] += 1.0 + gain * stretches[r]
+    return math.sqrt(lacking) / max(math.sqrt(applied), LEAST_PA)
+
+
+@njit(cache=True, nogil=True)
+def _compose(
+    drift: Floats, columns: Floats, still: Floats, moved: Floats, whole: Floats, jacobian: Floats
+) -> None:
+    """Fill drift and derivative by these inputs from those by the wrapped model's.
+
+    Args:
+        drift: Shape (rows,).
+        columns: Shape (rows, inputs).
+        still: Change of the wrapped model's pressures at unchanged inputs, shape (chambers,).
+        moved: That per input, shape (chambers, inputs).
+        whole: Filled, shape (rows,).
+        jacobian: Filled, shape (rows, inputs).
+    """
+    chambers, inputs = moved.shape
+    for r in range(len(columns)):
+        whole[r] = drift[r]
+        for k in range(chambers):
+            whole[r] += columns[r, k] * still[k]
+        for c in range(inputs):
+            total = columns[r, c] if c >= chambers else 0.0
+            for k in range(chambers):
+                total += columns[r, k] * moved[k, c]
+            jacobian[r, c] = total
 
 
 @dataclass(frozen=True)

@@ -249,7 +249,7 @@ def _put(
     track.pressures[index] = estimate.inputs.pressures
     track.frames.positions[index] = estimate.frames.positions
     track.frames.rotations[index] = estimate.frames.rotations
-    track.frame_std[index] = np.sqrt(np.maximum(np.diag(estimate.frame_covariance), 0.0)).reshape(-1, 6)
+    track.frame_std[index] = estimate.frame_deviations.reshape(-1, 6)
     track.residuals[index] = np.concatenate(list(estimate.residuals.values()))
     track.misfit[index] = estimate.normalised_innovation_squared
     track.freedom[index] = estimate.degrees_of_freedom

@@ -74,7 +74,7 @@ class SolverSettings:
     def __call__(self) -> BuiltSolver:
         """Build the solver and warm it up; it reports the surface that clients draw."""
         solver = Solver(self)
-        return BuiltSolver(solver, solver.surface)
+        return BuiltSolver(solver, solver.surface, solver.finish)
 
 
 def build_suite(
@@ -124,6 +124,7 @@ class Solver:
         plain: Any = self._rod or self._model
         self._pushed = stretched(plain.with_loads(every), specimen)
         self._unobservable: tuple[float, tuple[str, ...], tuple[str, ...]] = (-np.inf, (), ())
+        self._unanalysed: tuple[EstimationRequest, ArmEstimate[Any]] | None = None
         self._warm_up(np.array(specimen.gravity_m_s2))
 
     def _followed(self, specimen: Specimen) -> Any:
@@ -161,7 +162,7 @@ class Solver:
         hold = self._held(request, estimate)
         contact = self._contact(request, estimate) if request.want_contact else None
         sections = len(self._model.sections)
-        deviation = np.sqrt(np.maximum(estimate.frame_covariance.diagonal(), 0.0)).reshape(sections, 6)
+        deviation = estimate.frame_deviations.reshape(sections, 6)
         return EstimationResult(
             request=request,
             converged=estimate.converged,
@@ -184,14 +185,26 @@ class Solver:
     def _unobservable_directions(
         self, request: EstimationRequest, estimate: ArmEstimate[Any]
     ) -> tuple[str, ...]:
-        """Return what these sensors do not determine; a recent answer serves while they are the same."""
+        """Return what these sensors do not determine; an old answer serves while they are the same."""
         since_s, sensors, directions = self._unobservable
         if not np.isfinite(estimate.motion).all():
             return ()
-        if sensors != request.used or not since_s <= request.time_s < since_s + OBSERVED_EVERY_S:
-            directions = estimate.unobservable_directions
-            self._unobservable = (request.time_s, request.used, directions)
+        if sensors != request.used or request.time_s < since_s:
+            return self._analyse(request, estimate)
+        if request.time_s >= since_s + OBSERVED_EVERY_S:
+            self._unanalysed = request, estimate
         return directions
+
+    def _analyse(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> tuple[str, ...]:
+        directions = estimate.unobservable_directions
+        self._unobservable = request.time_s, request.used, directions
+        return directions
+
+    def finish(self) -> None:
+        """Analyse anew what the readings do not determine, where that is due: the next answer needs it."""
+        if self._unanalysed is not None:
+            self._analyse(*self._unanalysed)
+            self._unanalysed = None
 
     def _innovations(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> dict[str, float]:
         innovations = {}
