@@ -20,6 +20,8 @@ from softarm_client import Arm
 COUNTS = (1, 2, 4)
 RATE_HZ = 100.0
 CLOCK_TICKS = os.sysconf("SC_CLK_TCK")
+PARTS = ("loop", "network", "estimator", "fakes")
+"""The thread of the control loop; other threads of its process, zenoh's above all; the other processes."""
 
 
 @dataclass(frozen=True)
@@ -27,14 +29,12 @@ class ArmCost:
     """What one arm took while it was measured.
 
     Args:
-        measured: Latencies and ticks.
-        service_s: Processor time of the service and its estimator [s].
-        fakes_s: Processor time of the fakes [s].
+        measured: Latencies, replies and ticks.
+        spent_s: Processor time of each of ``PARTS`` [s].
     """
 
     measured: Measured
-    service_s: float
-    fakes_s: float
+    spent_s: dict[str, float]
 
 
 @click.command()
@@ -61,7 +61,8 @@ def command(seconds: float, model: str, quick: bool, as_json: bool) -> int:
         rows = [_row(count, model, 3.0 if quick else seconds, advance) for count in counts]
     notes = (
         "Per arm: medians and percentiles over the estimates of all arms, processor time over their number.",
-        f"The machine has {os.cpu_count()} cores. cores: processor time per second.",
+        f"The machine has {os.cpu_count()} cores; cores: processor time per second. Real-time: loop, fakes.",
+        "slowest_reply: the longest that a command of any arm waited for its answer.",
     )
     show(Table("Several arms on one machine", rows, notes), as_json=as_json)
     return 0
@@ -85,8 +86,8 @@ def _row(count: int, model: str, seconds: float, advance: Callable[[float], None
         "estimates_per_s": len(latencies) / duration,
         "median_ms": float(np.median(latencies)),
         "p99_ms": float(np.quantile(latencies, 0.99)),
-        "service_cores": sum(one.service_s for one in costs) / duration,
-        "fakes_cores": sum(one.fakes_s for one in costs) / duration,
+        "slowest_reply_ms": max(float(one.measured.replies_ms.max()) for one in costs),
+        **{f"{part}_cores": sum(one.spent_s[part] for one in costs) / duration for part in PARTS},
         "late_ticks_percent": 100.0
         * sum(one.measured.late for one in costs)
         / sum(one.measured.ticks + one.measured.late for one in costs),
@@ -97,21 +98,31 @@ def _row(count: int, model: str, seconds: float, advance: Callable[[float], None
 def cost_of(rig: FakeRig, client: Arm, seconds: float) -> ArmCost:
     """Move an arm and measure what it takes."""
     drive(client, SETTLE_S)
-    roots = rig.service.process.pid, rig.fakes.process.pid
-    before = [processor_time(root) for root in roots]
+    before = spent(rig)
     measured = listen(client, seconds)
-    service, fakes = (processor_time(root) - was for root, was in zip(roots, before, strict=True))
-    return ArmCost(measured, service, fakes)
+    return ArmCost(measured, {part: after - before[part] for part, after in spent(rig).items()})
+
+
+def spent(rig: FakeRig) -> dict[str, float]:
+    """Return the processor time of each of ``PARTS`` so far [s]."""
+    service = rig.service.process.pid
+    loop, process = (task_time(Path(f"/proc/{service}{task}")) for task in (f"/task/{service}", ""))
+    estimator = processor_time(service) - process
+    return dict(
+        zip(PARTS, (loop, process - loop, estimator, processor_time(rig.fakes.process.pid)), strict=True)
+    )
 
 
 def processor_time(root: int) -> float:
-    """Return the processor time of a process and its descendants so far [s]; see proc(5)."""
-    total = 0
-    for pid in family(root):
-        # After the command's name, which may hold spaces, utime and stime are the 12th and 13th field.
-        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
-        total += int(fields[11]) + int(fields[12])
-    return total / CLOCK_TICKS
+    """Return the processor time of a process and its descendants so far [s]."""
+    return sum(task_time(Path(f"/proc/{pid}")) for pid in family(root))
+
+
+def task_time(task: Path) -> float:
+    """Return the processor time of a process or thread so far [s], from its folder; see proc(5)."""
+    # After the command's name, which may hold spaces, utime and stime are the 12th and 13th field.
+    fields = (task / "stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / CLOCK_TICKS
 
 
 def family(root: int) -> Iterator[int]:

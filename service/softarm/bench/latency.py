@@ -75,6 +75,7 @@ class Measured:
     Args:
         latencies_ms: Of each estimate, shape (estimates,).
         stages_ms: What of it each of ``STAGES`` took, shape (estimates, stages).
+        replies_ms: How long each command waited for its answer, shape (commands,).
         converged: Share of the estimates that converged.
         ticks: Ticks of the control loop.
         late: Ticks skipped.
@@ -83,6 +84,7 @@ class Measured:
 
     latencies_ms: Floats
     stages_ms: Floats
+    replies_ms: Floats
     converged: float
     ticks: int
     late: int
@@ -125,17 +127,27 @@ def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> in
     refused = _refusal() if any(case.model == "rod" for case in cases) else None
     tried = [case for case in cases if refused is None or case.model != "rod"]
     rows: list[dict[str, Cell]] = []
+    stages: list[dict[str, Cell]] = []
     with progress("latency", len(tried)) as advance:
         for case in tried:
-            rows.append(row_of(case, measure(case, 4.0 if quick else seconds)))
+            measured = measure(case, 4.0 if quick else seconds)
+            rows.append(row_of(case, measured))
+            stages += stage_rows(case, measured)
             advance(1)
     notes = (
         "The fakes, the arm's simulation, the service, its estimator and this subscriber share the machine.",
         "late_ticks: ticks of the control loop that were skipped.",
-        "solve: the estimator alone; service: the rest up to the message; network: from there on.",
         *([] if refused is None else [f"Not measured with the rod: {refused}."]),
     )
-    show(Table("From the packet to the subscriber", rows, notes), as_json=as_json)
+    parts = (
+        "solve: the estimator alone; service: the rest up to the message; network: from there on.",
+        "among_slowest: what it takes of the hundredth of the estimates that take longest, mean.",
+    )
+    show(
+        Table("From the packet to the subscriber", rows, notes),
+        Table("Stages of the way", stages, parts),
+        as_json=as_json,
+    )
     return 0 if refused is None and all(row["passes"] is not False for row in rows) else 1
 
 
@@ -149,6 +161,30 @@ def _refusal() -> str | None:
     return None
 
 
+def stage_rows(case: LatencyCase, measured: Measured) -> list[dict[str, Cell]]:
+    """Write what each stage takes, usually and where an estimate takes long."""
+    if not len(measured.latencies_ms):
+        return []
+    slowest = measured.latencies_ms >= np.quantile(measured.latencies_ms, 0.99)
+    return [
+        {
+            "model": case.model,
+            "rate_hz": case.rate_hz,
+            "machine": machine_of(case),
+            "stage": stage,
+            "median_ms": float(np.median(taken)),
+            "p99_ms": float(np.quantile(taken, 0.99)),
+            "among_slowest_ms": float(taken[slowest].mean()),
+        }
+        for stage, taken in zip(STAGES, measured.stages_ms.T, strict=True)
+    ]
+
+
+def machine_of(case: LatencyCase) -> str:
+    """Say what else the machine does."""
+    return "one process computes" if case.busy else "idle but for the rig"
+
+
 def row_of(case: LatencyCase, measured: Measured) -> dict[str, Cell]:
     """Write a measurement as a row; a busy machine has no limit."""
     median = float(np.median(measured.latencies_ms)) if len(measured.latencies_ms) else math.nan
@@ -156,14 +192,10 @@ def row_of(case: LatencyCase, measured: Measured) -> dict[str, Cell]:
     return {
         "model": case.model,
         "rate_hz": case.rate_hz,
-        "machine": "one process computes" if case.busy else "idle but for the rig",
+        "machine": machine_of(case),
         "estimates_per_s": len(measured.latencies_ms) / measured.duration_s,
         "median_ms": median,
         "p99_ms": float(np.quantile(measured.latencies_ms, 0.99)) if len(measured.latencies_ms) else math.nan,
-        **{
-            f"{stage}_median_ms": float(np.median(taken)) if len(taken) else math.nan
-            for stage, taken in zip(STAGES, measured.stages_ms.T, strict=True)
-        },
         "converged_percent": 100.0 * measured.converged,
         "ticks": measured.ticks,
         "late_ticks": measured.late,
@@ -225,13 +257,14 @@ def listen(client: Arm, seconds: float) -> Measured:
 
     before, begin = client.state(), time.monotonic()
     with client.estimates().subscribe(on_estimate):
-        drive(client, seconds)
+        replies_s = drive(client, seconds)
     after = client.state()
     # The first message of a subscription is one from before it.
     stages_ms = 1e3 * np.array(stages[1:]).reshape(-1, len(STAGES))
     return Measured(
         stages_ms.sum(axis=1),
         stages_ms,
+        1e3 * np.array(replies_s),
         float(np.mean(converged)) if converged else 0.0,
         after.ticks - before.ticks,
         after.overruns - before.overruns,
@@ -239,22 +272,25 @@ def listen(client: Arm, seconds: float) -> Measured:
     )
 
 
-def drive(client: Arm, seconds: float) -> None:
-    """Move the arm along slow sines.
+def drive(client: Arm, seconds: float) -> list[float]:
+    """Move the arm along slow sines; return how long each command waited for its answer [s].
 
     Raises:
         WorkFailedError: The service vented the arm.
     """
-    begin = time.monotonic()
+    begin, replies_s = time.monotonic(), []
     while (now := time.monotonic() - begin) < seconds:
         phases = [2.0 * math.pi * now / PERIOD_S + k * math.pi / 3.0 for k in range(6)]
         pressures = [AMPLITUDE_PA * (1.0 + math.sin(phase)) / 2.0 for phase in phases]
+        sent = time.monotonic()
         try:
             client.pressures.set(tuple(pressures), lifetime_s=1.0)
         except CommandRefusedError as error:
             cause = client.state().fault_cause or str(error)
             raise WorkFailedError(f"the arm stopped moving: {cause}") from error
+        replies_s.append(time.monotonic() - sent)
         time.sleep(1.0 / COMMANDS_HZ)
+    return replies_s
 
 
 @contextmanager
