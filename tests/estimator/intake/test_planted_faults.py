@@ -186,6 +186,20 @@ def test_pressures_that_are_stated_to_be_in_pascals_are_left_alone(good: Recordi
     np.testing.assert_array_equal(mended.columns["pressure_1_pa"], stated.columns["pressure_1_pa"])
 
 
+@pytest.mark.parametrize("touched", [False, True])
+def test_a_first_loading_that_is_stiffer_is_a_law_and_a_touch_on_later_ones_is_none(*, touched: bool) -> None:
+    time = np.arange(0.0, 60.0, 0.05)
+    level = 45e3 * np.abs((time / 10.0) % 2.0 - 1.0)[::-1]
+    loaded = level < np.maximum.accumulate(level) - 500.0
+    bend = 0.6 * level / 45e3 * (1.0 + 0.25 * (loaded | (time > 10.0)))
+    bend += np.random.default_rng(0).normal(0.0, 1e-3, len(time))
+    if touched:
+        bend += 0.25 * np.clip(np.minimum(time - 33.0, 36.0 - time) / 0.8, 0.0, 1.0)
+    columns = {"pressure_0_pa": level, "bend_tip_x_rad": bend, "bend_tip_y_rad": 0.3 * bend}
+    events = take_in(Recording("run", time, columns, {"specimen": "sopra"}), SPECIMEN).events
+    assert [event.interval[0] < 34.0 < event.interval[1] for event in events] == [True] * touched
+
+
 def test_a_body_that_is_found_elsewhere_is_an_event(good: Recording) -> None:
     intake = take_in(arm.lost_and_found(at=50.5)(good), SPECIMEN)
     assert any("bend_tip" in event.channels for event in intake.events)

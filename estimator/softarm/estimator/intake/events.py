@@ -2,19 +2,32 @@
 
 Each second of each stream is compared with what the law predicts from all other times (``law.left_out``). Its
 error follows a Student-t distribution of the predicted variance under the law, and a far wider normal one
-during an event; whether an event lasts is a Markov chain of two states (Rabiner, Proc. IEEE 77 (1989) 257).
-A stretch is reported when it is probable and large enough to move a fit.
+during an event; whether an event lasts is a Markov chain of two states (Rabiner, Proc. IEEE 77 (1989) 257). A
+law of the arm's own state may err as widely where the state is new, such as the first time under a load, and
+there alike while the state rests; a hand comes and goes in any state. Of the two the likelier explains a
+stretch. One that only a touch explains is reported when it is large enough to move a fit.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.linalg import solve_triangular
 from scipy.special import gammaln, logsumexp
 
 from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.intake.grid import Grid, grid_of
-from softarm.estimator.intake.law import START, Predictors, fit_variances, left_out, own_noise, precision
+from softarm.estimator.intake.law import (
+    CORRELATION,
+    START,
+    Predictors,
+    fit_variances,
+    left_out,
+    open_law,
+    own_noise,
+    precision,
+    stretch_left_out,
+)
 from softarm.estimator.intake.provoked import slopes_of, unprovoked_motion
 from softarm.estimator.intake.relocated import losses, relocation
 from softarm.estimator.intake.result import Disturbance
@@ -78,7 +91,10 @@ class HeldOutErrors:
         variances: Their variance over the squared spread of a value, shape (rows,).
         spreads: Spread of each value, shape (values,).
         seconds: Number of the second of each row, shape (rows,).
+        inputs: What the law may depend on, at the rows.
         precision: Inverse of the covariance of the rows over the squared spreads, shape (rows, rows).
+        weights: Of the rows, shape (rows,).
+        theta: Logarithms of the variances of the law's parts, shape (parts,).
     """
 
     grid: Grid
@@ -87,7 +103,10 @@ class HeldOutErrors:
     variances: Floats
     spreads: Floats
     seconds: Indices
+    inputs: Predictors
     precision: Floats
+    weights: Floats
+    theta: Floats
 
 
 def find_events(recording: Recording, specimen: Specimen) -> tuple[Disturbance, ...]:
@@ -111,6 +130,10 @@ def find_events(recording: Recording, specimen: Specimen) -> tuple[Disturbance, 
         fit = law_errors(recording, streams, touched) or fit
     numbers = np.unique(fit.grid.stream)
     chances = np.array([_probability(fit, fit.grid.stream == k) for k in numbers])
+    for begin, end in _stretches(chances.max(axis=0), 1.0 - PROBABLE):
+        rows = np.flatnonzero((fit.seconds >= begin) & (fit.seconds < end))
+        if len(rows) and _touched_odds(fit, rows) < np.log(PROBABLE / (1.0 - PROBABLE)):
+            chances[:, begin:end] = 0.0
     for row, number in enumerate(numbers):
         for begin, end in touched[int(number)]:
             first, last = (int(np.clip(t - fit.grid.time[0], 0, chances.shape[1] - 1)) for t in (begin, end))
@@ -224,20 +247,52 @@ def law_errors(
     trusted = np.ones(len(rows))
     for begin, end in (stretch for stretches in touched.values() for stretch in stretches):
         trusted[(inputs.time >= begin - GUARD) & (inputs.time <= end + GUARD)] = LEAST_WEIGHT
-    errors, variances, inverse = _robust(inputs, scaled, numbers, trusted)
-    return HeldOutErrors(grid, rows, errors * spreads, variances, spreads, numbers, inverse)
+    errors, variances, *fitted = _robust(inputs, scaled, numbers, trusted)
+    return HeldOutErrors(grid, rows, errors * spreads, variances, spreads, numbers, inputs, *fitted)
+
+
+def _touched_odds(fit: HeldOutErrors, rows: Indices) -> float:
+    """Compute the log odds that something touched the arm in a stretch, against a law of the arm's own state.
+
+    Both predict the errors e that the usual law leaves there, of covariance S: a touch with S + s^2 exp(-|t -
+    t'| / T), T the time that it lasts, in any state; a law with S + s^2 V, V what other times leave open of
+    it (``law.open_law``). Each size s is as probable. The stream that a touch explains best counts.
+    """
+    values = fit.grid.values[fit.rows] / fit.spreads
+    errors, usual = stretch_left_out(
+        fit.inputs, fit.weights, fit.theta, fit.precision, values - np.median(values, axis=0), rows
+    )
+    time = fit.inputs.time[rows]
+    ageing = np.abs(time[:, None] - time[None, :])
+    usual += LAW_ERROR**2 * np.exp(-ageing / CORRELATION)
+
+    def likelihoods(shape: Floats) -> Floats:
+        """Return the log likelihood of each value's errors, shape (sizes, values)."""
+        found = []
+        for size in EVENT_SPREADS:
+            factor = np.linalg.cholesky(usual + size**2 * shape)
+            squares = (solve_triangular(factor, errors, lower=True) ** 2).sum(axis=0)
+            found.append(-0.5 * squares - np.log(np.diag(factor)).sum())
+        return np.array(found)
+
+    touch, law = likelihoods(np.exp(-ageing * LEAVE)), likelihoods(open_law(fit.inputs, rows))
+    return float(np.log(ENTER)) + max(
+        float(logsumexp(touch[:, own].sum(axis=1)) - logsumexp(law[:, own].sum(axis=1)))
+        for own in (fit.grid.stream == k for k in np.unique(fit.grid.stream))
+    )
 
 
 def _robust(
     inputs: Predictors, values: Floats, seconds: Indices, trusted: Floats
-) -> tuple[Floats, Floats, Floats]:
+) -> tuple[Floats, Floats, Floats, Floats, Floats]:
     """Fit the law and the weight of each second in turn, and predict each second from the others.
 
     Returns:
-        Errors, their variances, and the precision of the samples.
+        Errors, their variances, and the precision, the weights and the law's variances behind them.
     """
     weights, theta = trusted, START
     for _ in range(PASSES):
+        used = weights
         theta = fit_variances(inputs, values, weights, theta)
         inverse, clock = precision(inputs, weights, theta), inputs.time - inputs.time[0]
         first = left_out(inverse, values, (clock // BLOCK).astype(np.int64))
@@ -250,7 +305,7 @@ def _robust(
         )
         squares = _by_second(np.mean(errors**2, axis=1) / variances, seconds)
         weights = np.clip((FREEDOM + 1.0) / (FREEDOM + squares[seconds]), LEAST_WEIGHT, trusted)
-    return errors, variances, inverse
+    return errors, variances, inverse, used, theta
 
 
 def _by_second(values: Floats, seconds: Indices) -> Floats:
@@ -314,10 +369,10 @@ def smoothed(log_ratios: Floats) -> Floats:
     return posterior
 
 
-def _stretches(chance: Floats) -> list[tuple[int, int]]:
-    """Join probable seconds to stretches: first second and the second after the last."""
+def _stretches(chance: Floats, least: float = PROBABLE) -> list[tuple[int, int]]:
+    """Join seconds of a chance above the least to stretches: first second and the second after the last."""
     stretches: list[tuple[int, int]] = []
-    for second in np.flatnonzero(chance > PROBABLE).tolist():
+    for second in np.flatnonzero(chance > least).tolist():
         if stretches and second - stretches[-1][1] <= NEAR:
             stretches[-1] = (stretches[-1][0], second + 1)
         else:

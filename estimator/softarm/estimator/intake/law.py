@@ -40,6 +40,10 @@ HYPER = 320
 PARTS = ("linear", "quadratic", "smooth", "memory", "clock", "discrepancy", "swing", "noise")
 START = np.log([0.5, 0.05, 0.02, 0.02, 0.002, 0.003, 0.01, 0.001])
 LOWEST, HIGHEST = np.log(1e-7), np.log(30.0)
+PLAY = 0.02
+"""Share of the largest pressure by which noise is below the largest so far."""
+KNOWN = 1e-3
+"""Variance with which one sample shows a law of unit variance: noise, and a steady law's own error."""
 LEVEL = 4.0
 """Variance of the level, in variances of the column."""
 
@@ -53,12 +57,16 @@ class Predictors:
         pressures: Over the largest, shape (samples, chambers).
         memory: Filtered minus present pressures, shape (samples, filters x chambers).
         rate: How far the pressures moved lately, over the largest, shape (samples,).
+        below: How far each pressure is below its largest so far, over the largest of all, and one more, for
+            the first loading of a material and all later ones are two branches of its law; shape (samples,
+            chambers).
     """
 
     time: Floats
     pressures: Floats
     memory: Floats
     rate: Floats
+    below: Floats
 
     @staticmethod
     def of(time: Floats, pressures: Floats) -> "Predictors":
@@ -68,11 +76,19 @@ class Predictors:
         memory = [first_order(scaled, step / lag) - scaled for lag in FILTERS]
         ways = np.abs(np.diff(scaled, axis=0, prepend=scaled[:1])).sum(axis=1, keepdims=True)
         rate = first_order(ways, step / RECENT) * RECENT / step
-        return Predictors(time, scaled, np.column_stack(memory), np.minimum(rate[:, 0], 1.0))
+        below = np.maximum.accumulate(scaled, axis=0) - scaled
+        below = np.where(below > PLAY, 1.0 + below, 0.0)
+        return Predictors(time, scaled, np.column_stack(memory), np.minimum(rate[:, 0], 1.0), below)
 
     def take(self, index: Indices) -> "Predictors":
         """Keep some samples."""
-        return Predictors(self.time[index], self.pressures[index], self.memory[index], self.rate[index])
+        return Predictors(
+            self.time[index],
+            self.pressures[index],
+            self.memory[index],
+            self.rate[index],
+            self.below[index],
+        )
 
 
 def first_order(values: Floats, ratio: float) -> Floats:
@@ -86,21 +102,47 @@ def covariances(inputs: Predictors, weights: Floats) -> list[Floats]:
     """Compute the covariance of each of ``PARTS`` with unit variance, shape (samples, samples) each."""
     p, time = inputs.pressures, inputs.time
     inner = p @ p.T
-    square = np.diag(inner)
-    distance = square[:, None] + square[None, :] - 2.0 * inner
     middle = (time - time.mean()) / max(float(np.ptp(time)), 1e-9)
     wide = 1.0 / np.sqrt(weights)
     ageing = np.exp(-np.abs(time[:, None] - time[None, :]) / CORRELATION)
     return [
         inner,
         inner**2,
-        np.exp(-0.5 * np.maximum(distance, 0.0) / LENGTH**2),
+        _near(p),
         inputs.memory @ inputs.memory.T,
         np.outer(middle, middle),
         ageing * wide[:, None] * wide[None, :],
         ageing * np.outer(inputs.rate * wide, inputs.rate * wide),
         np.diag(1.0 / weights),
     ]
+
+
+def _near(states: Floats) -> Floats:
+    """Compute exp(-|x - x'|^2 / 2 l^2) of states x, shape (samples, samples)."""
+    inner = states @ states.T
+    square = np.diag(inner)
+    distance = square[:, None] + square[None, :] - 2.0 * inner
+    return np.asarray(np.exp(-0.5 * np.maximum(distance, 0.0) / LENGTH**2))
+
+
+def open_law(inputs: Predictors, rows: Indices) -> Floats:
+    """Compute the covariance that a stretch of time leaves to any smooth law of the arm's state.
+
+    It is that of a law of unit variance, given what it is at all times outside the stretch. Where an arm is
+    loaded as at no other time, or for the first time, a law may do what it does nowhere else, the same while
+    the state rests; where it is as at other times, only something else can.
+
+    Args:
+        inputs: What the law may depend on.
+        rows: The samples of the stretch.
+
+    Returns:
+        Shape (rows, rows).
+    """
+    covariance = _near(np.column_stack([inputs.pressures, inputs.below]))
+    covariance[np.diag_indices_from(covariance)] += KNOWN
+    inside = np.linalg.inv(_inverted(covariance)[0][np.ix_(rows, rows)])
+    return np.asarray(inside - KNOWN * np.eye(len(rows)))
 
 
 def fit_variances(inputs: Predictors, values: Floats, weights: Floats, start: Floats = START) -> Floats:
@@ -179,6 +221,37 @@ def _inverted(covariance: Floats) -> tuple[Floats, float]:
     whole = lower + lower.T
     whole[np.diag_indices_from(whole)] *= 0.5
     return whole, half_log_determinant
+
+
+def stretch_left_out(
+    inputs: Predictors, weights: Floats, variances: Floats, inverse: Floats, values: Floats, rows: Indices
+) -> tuple[Floats, Floats]:
+    """Predict a stretch as a whole from all other times, as ``left_out`` does.
+
+    Args:
+        inputs: What the law may depend on.
+        weights: Of each sample, shape (samples,).
+        variances: Logarithms, as ``fit_variances`` gives them.
+        inverse: As ``precision`` gives it, shape (samples, samples).
+        values: Columns, shape (samples, columns).
+        rows: The samples of the stretch.
+
+    Returns:
+        Measured minus predicted, shape (rows, columns), and its covariance if the stretch had weight one,
+        shape (rows, rows).
+    """
+    covariance = np.linalg.inv(inverse[np.ix_(rows, rows)])
+    own = inputs.take(rows)
+    weighed, plain = (
+        sum(
+            np.exp(v) * part
+            for name, v, part in zip(PARTS, variances, covariances(own, w), strict=True)
+            if name in ("discrepancy", "swing", "noise")
+        )
+        for w in (weights[rows], np.ones(len(rows)))
+    )
+    sizes, axes = np.linalg.eigh(covariance - weighed)  # the law's own share, none of it negative
+    return covariance @ (inverse @ values)[rows], (axes * np.maximum(sizes, 0.0)) @ axes.T + plain
 
 
 def own_noise(inputs: Predictors, variances: Floats) -> Floats:
