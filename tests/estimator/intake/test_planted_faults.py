@@ -189,13 +189,14 @@ def test_pressures_that_are_stated_to_be_in_pascals_are_left_alone(good: Recordi
 @pytest.mark.parametrize("touched", [False, True])
 def test_a_first_loading_that_is_stiffer_is_a_law_and_a_touch_on_later_ones_is_none(*, touched: bool) -> None:
     time = np.arange(0.0, 60.0, 0.05)
-    level = 45e3 * np.abs((time / 10.0) % 2.0 - 1.0)[::-1]
-    loaded = level < np.maximum.accumulate(level) - 500.0
-    bend = 0.6 * level / 45e3 * (1.0 + 0.25 * (loaded | (time > 10.0)))
-    bend += np.random.default_rng(0).normal(0.0, 1e-3, len(time))
+    level = 1.0 - np.abs((time / 10.0) % 2.0 - 1.0)
+    softened = 1.0 - np.exp(-(np.maximum.accumulate(level) - level) / 0.05)
+    bend = 0.6 * level * (1.0 + 0.3 * softened)
     if touched:
         bend += 0.25 * np.clip(np.minimum(time - 33.0, 36.0 - time) / 0.8, 0.0, 1.0)
-    columns = {"pressure_0_pa": level, "bend_tip_x_rad": bend, "bend_tip_y_rad": 0.3 * bend}
+    noise = np.random.default_rng(0).normal(0.0, 1e-3, (2, len(time)))
+    bends = {"bend_tip_x_rad": bend + noise[0], "bend_tip_y_rad": 0.3 * bend + noise[1]}
+    columns = {"pressure_0_pa": 45e3 * level, **bends}
     events = take_in(Recording("run", time, columns, {"specimen": "sopra"}), SPECIMEN).events
     assert [event.interval[0] < 34.0 < event.interval[1] for event in events] == [True] * touched
 
