@@ -79,6 +79,7 @@ class ParameterSpec:
         alone: Plainer effect that this amplitude is by itself, and the sign of that effect's amplitude
             where this one is positive.
         dissipates: Whether a material with less than none of it would give off energy.
+        periodic: Whether it is a direction: a fit may go once around, its value is from -pi to pi.
     """
 
     name: str
@@ -91,6 +92,7 @@ class ParameterSpec:
     spread: float = 1.0
     alone: tuple[EffectName, float] | None = None
     dissipates: bool = False
+    periodic: bool = False
 
     @property
     def scale(self) -> float:
@@ -107,6 +109,8 @@ class ParameterSpec:
         """Return the value that is so much on its scale."""
         if self.transform == "log":
             return math.exp(scaled)
+        if self.periodic:
+            return math.remainder(scaled * self.scale, 2.0 * math.pi)
         return scaled * self.scale if self.transform == "linear" else self.scale / max(scaled, 1e-12)
 
     def slope(self, scaled: float) -> float:

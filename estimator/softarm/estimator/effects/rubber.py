@@ -187,7 +187,9 @@ LOCAL_STIFFNESS_DEFECT = Effect(
     hook="constitutive",
     parameters=(
         ParameterSpec("depth", "1", 0.2, -2.0, 0.9, spread=0.3),
-        ParameterSpec("azimuth", "rad", 0.5, -2.0 * np.pi, 2.0 * np.pi, "shape", "linear", spread=1.8),
+        ParameterSpec(
+            "azimuth", "rad", 0.5, -2.0 * np.pi, 2.0 * np.pi, "shape", "linear", spread=1.8, periodic=True
+        ),
     ),
     places=segments,
     act=local_stiffness_defect,
