@@ -85,7 +85,11 @@ class InlineEstimator:
     def _answer(self, result: EstimationResult) -> None:
         self._busy = False
         self._on_result(result)
-        if self._waiting is not None:
+        self._solver.finish()
+        asyncio.get_running_loop().call_soon(self._submit_waiting)
+
+    def _submit_waiting(self) -> None:
+        if self._waiting is not None and not self._busy:
             self.submit(self._waiting)
 
 

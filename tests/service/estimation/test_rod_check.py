@@ -1,9 +1,13 @@
 """The comparison of the rod with the finite elements beside the estimates, and its finding."""
 
+import os
+import threading
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
-from softarm.daemon.estimation.rod_check import RodCheck
+from softarm.daemon.estimation.rod_check import LAST, RodCheck
 from softarm.daemon.safety.checks import check_rod
 from softarm.daemon.safety.observation import EstimatorHealth, RecorderHealth, ServiceHealth, Valves
 from softarm.estimator.arm import build_arm
@@ -37,6 +41,21 @@ def test_the_departure_of_turned_frames_is_their_angle() -> None:
         check.offer(10.0, inputs, frames)
         check.wait()
         assert check.departure == pytest.approx(0.0, abs=1e-6)
+
+
+def test_the_comparison_gives_way_to_the_estimates() -> None:
+    ran_at = []
+
+    def solve(*_: object) -> tuple[None, bool]:
+        ran_at.append(os.getpriority(os.PRIO_PROCESS, threading.get_native_id()))
+        return None, False
+
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    with RodCheck(SimpleNamespace(rest=lambda: None, solve=solve)) as check:  # type: ignore[arg-type]
+        check.offer(0.0, Inputs(np.zeros(0), np.zeros(0), np.zeros(3)), Frames(np.zeros(3), np.eye(3)))
+        check.wait()
+    assert ran_at == [LAST]
+    assert os.getpriority(os.PRIO_PROCESS, 0) == before
 
 
 def test_only_a_rod_that_is_off_is_found() -> None:
