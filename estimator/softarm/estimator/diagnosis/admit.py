@@ -13,7 +13,8 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen
 
-Given, Taken = TypeVar("Given"), TypeVar("Taken")
+Given = TypeVar("Given")
+Taken = TypeVar("Taken")
 
 LEAST_SAMPLES = 20
 LEAST_SECONDS = 0.5

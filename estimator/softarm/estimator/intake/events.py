@@ -130,10 +130,10 @@ def find_events(recording: Recording, specimen: Specimen) -> tuple[Disturbance, 
         fit = law_errors(recording, streams, touched) or fit
     numbers = np.unique(fit.grid.stream)
     chances = np.array([_probability(fit, fit.grid.stream == k) for k in numbers])
-    for begin, end in _stretches(chances.max(axis=0), 1.0 - PROBABLE):
-        rows = np.flatnonzero((fit.seconds >= begin) & (fit.seconds < end))
+    for first, beyond in _stretches(chances.max(axis=0), 1.0 - PROBABLE):
+        rows = np.flatnonzero((fit.seconds >= first) & (fit.seconds < beyond))
         if len(rows) and _touched_odds(fit, rows) < np.log(PROBABLE / (1.0 - PROBABLE)):
-            chances[:, begin:end] = 0.0
+            chances[:, first:beyond] = 0.0
     for row, number in enumerate(numbers):
         for begin, end in touched[int(number)]:
             first, last = (int(np.clip(t - fit.grid.time[0], 0, chances.shape[1] - 1)) for t in (begin, end))
