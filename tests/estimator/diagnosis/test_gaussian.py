@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis.gaussian import Factor, Gaussian, Marginal
-from softarm.estimator.diagnosis.normal_equations import normal_equations, renewed, total, with_columns
+from softarm.estimator.diagnosis.normal_equations import Total, normal_equations, renewed, total, with_columns
 
 
 @pytest.fixture
@@ -93,3 +93,13 @@ def test_rounding_that_makes_a_matrix_indefinite_makes_no_belief_so() -> None:
     factor = Factor.of(matrix)
     for right in np.eye(2), np.array([[1.0, -1.0], [1.0, 1.0]]):
         assert (np.diag(right.T @ factor.solve(right)) > 0.0).all()
+
+
+def test_a_column_of_which_rounding_leaves_less_than_nothing_stays_finite() -> None:
+    """Others stand for it, so that single precision decides the sign of what is left."""
+    matrix = np.array([[-5.0, 2.0], [2.0, 1e4]])
+    solved = Factor.of(matrix).solve(np.array([1e-3, 2.0]))
+    assert np.abs(solved).max() < 1.0
+    prior = Gaussian(np.zeros(2), np.diag([1e6, 1.0]))
+    learnt = prior.posterior(Total(9.0, matrix, np.array([1e-3, 2.0]), 1.0), 1.0)
+    assert np.isfinite(Marginal.cost_of(learnt, Total(9.0, matrix, np.array([1e-3, 2.0]), 1.0), 1.0))

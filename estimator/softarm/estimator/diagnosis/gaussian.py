@@ -35,8 +35,14 @@ class Factor:
 
     @classmethod
     def of(cls, matrix: Floats) -> "Factor":
-        """Factorise; products in single precision may make a matrix indefinite by their rounding."""
-        size = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+        """Factorise; products in single precision may make a matrix indefinite by their rounding.
+
+        They may leave less than nothing of a column that others stand for; its size is then that of what it
+        shares with these.
+        """
+        diagonal = np.diag(matrix)
+        rest = np.abs(matrix).max(axis=0, initial=0.0)
+        size = np.sqrt(np.maximum(np.where(diagonal > 0.0, diagonal, rest), 1e-300))
         scaled = _symmetric(matrix / np.outer(size, size))
         diagonal = np.diag(scaled).copy()
         for ridge in RIDGES:
