@@ -382,6 +382,13 @@ def test_pressures_that_rest_while_the_arm_swings_creeps_or_is_pulled_are_not_fr
     assert not take_in(Recording("run", time, rest | pulled | gauge, good.info), SPECIMEN).sentences
 
 
+def test_a_sensor_that_stands_still_is_no_event(good: Recording) -> None:
+    columns = dict(good.columns)
+    for name in (name for name in columns if name.startswith("frame_tip")):
+        columns[name] = np.where(good.time > 60.0, columns[name][1200], columns[name])
+    assert take_in(Recording("run", good.time, columns, good.info), SPECIMEN).events == ()
+
+
 def test_a_frozen_sensor_whose_set_point_goes_on_loses_nothing(good: Recording) -> None:
     intake = take_in(_frozen(good, slice(400, None), live="pressure_cmd"), SPECIMEN)
     assert not intake.excluded

@@ -11,7 +11,7 @@ from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.events import find_events
-from softarm.estimator.intake.frozen import frozen_pressures
+from softarm.estimator.intake.frozen import frozen_pressures, without_still_sensors
 from softarm.estimator.intake.labels import mend_labels
 from softarm.estimator.intake.limits import over_limit
 from softarm.estimator.intake.lost import mend_lost
@@ -147,7 +147,8 @@ def take_in(recording: Recording, specimen: Specimen) -> Intake:
         return intake
     stretches = (*beyond, *frozen)
     driven = without_pressures(intake.recording, stuck_pressures(intake.recording), by_set_points=True)
-    events = find_events(without_motion(driven, stretches), specimen)
+    seen = without_still_sensors(without_motion(driven, stretches), specimen)
+    events = find_events(seen, specimen)
     return Intake(
         intake.recording,
         intake.mismatches,
