@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis.nuisances import calibrate_sessions
-from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.stage import Stage, superposes
 from softarm.estimator.effects import EFFECTS, Spot
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.rotations import exp
@@ -49,3 +49,25 @@ def test_a_recorded_base_hides_the_tilt_that_it_follows() -> None:
     own = stage(Registration(exp(np.array([np.pi, 0.0, 0.0]))))
     assert np.allclose(tilted(own, 0.0), 0.0, atol=1e-9)
     assert np.allclose(tilted(own, 1.0), [*TILT, 0.0], atol=1e-6)
+
+
+def test_effects_that_superpose_change_together_what_each_changes_alone() -> None:
+    own = stage(Registration())
+    theta = {"chamber_gain": [0.2], "pressure_bias": [3e3], "segment_stiffness": [0.3]}
+    places = {"segment_stiffness": [Place(segment=name) for name in own.world.segments]}
+    for name, values in theta.items():
+        chambers = [Place(chamber=k) for k in range(6)]
+        placed = [
+            PlacedEffect(EFFECTS[name], Spot(own.world, place), np.array(values))
+            for place in places.get(name, chambers)
+        ]
+        assert all(superposes(one) for one in placed)
+        alone = np.stack([own.first_order(one) for one in placed], axis=-1)
+        np.testing.assert_allclose(own.first_order_of_many(placed), alone, atol=1e-12)
+
+
+def test_what_moves_the_base_or_adds_mass_does_not_superpose() -> None:
+    own = stage(Registration())
+    tip, tilt = EFFECTS["tip_payload"], EFFECTS["base_tilt"]
+    assert not superposes(PlacedEffect(tip, Spot(own.world, Place(section="tip")), np.array([0.02])))
+    assert not superposes(PlacedEffect(tilt, Spot(own.world, Place()), np.array([*TILT, 0.0])))

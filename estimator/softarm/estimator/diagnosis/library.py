@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.stage import Stage, superposes
 from softarm.estimator.effects import EFFECTS, Effect, Spot, World
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.specimen.physics import EffectName, Place
@@ -123,13 +123,21 @@ def library_columns(stage: Stage, library: Library) -> Floats:
         Shape (samples, rows, directions).
     """
     columns = np.zeros((stage.session.samples, stage.suite.size, len(library.directions)))
+    together: dict[str, list[tuple[int, PlacedEffect]]] = {}
     for number, direction in enumerate(library.directions):
         hypothesis = library.hypotheses[direction.hypothesis]
         sensor = hypothesis.place.sensor
         if sensor is not None and sensor not in stage.world.sensors:
             continue
         placed = hypothesis.placed(stage.world, direction.theta)
-        columns[..., number] = stage.change([placed]) * (direction.typical / direction.size)
+        if superposes(placed):
+            together.setdefault(placed.field, []).append((number, placed))
+        else:
+            columns[..., number] = stage.change([placed])
+    for listed in together.values():
+        numbers, effects = zip(*listed, strict=True)
+        columns[..., list(numbers)] = stage.first_order_of_many(effects)
+    columns *= [direction.typical / direction.size for direction in library.directions]
     # A direction that runs away somewhere has no linear meaning there.
     return np.where(np.abs(columns) < RUNAWAY, np.nan_to_num(columns, posinf=0.0, neginf=0.0), 0.0)
 

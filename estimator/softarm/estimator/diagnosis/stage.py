@@ -69,10 +69,10 @@ class Vibrations:
     still: Floats
 
     def lag(self, change: Floats, modal: ModalChange, section: int) -> Floats:
-        """Return by how much an effect changes the vibration, shape (samples, strains).
+        """Return by how much an effect changes the vibration, shape (samples, strains, ...).
 
         Args:
-            change: What it changes of the quasi-static strains, shape (samples, strains).
+            change: What it changes of the quasi-static strains, shape (samples, strains, ...).
             modal: What it does to the masses.
             section: Section that an added mass is fixed to.
         """
@@ -260,13 +260,32 @@ class Stage:
             rotated = placed.apply(drive, change)
             usual = replace(drive, base_rotation=self._usual(rotated, (placed,)))
             return _applied(self.twist_jacobian, self.arm.twists(rotated) - self.arm.rigid(usual))
-        change = change.reshape(drive.samples, -1)
-        moved = _applied(self.by_drive[placed.field], change)
-        if self.vibrations is None or not vibrating:
+        modal = placed.effect.modal(placed.theta) if vibrating else None
+        return self._moved(placed.field, change.reshape(drive.samples, -1), modal, placed.spot.section)
+
+    def first_order_of_many(self, effects: Sequence[PlacedEffect]) -> Floats:
+        """Give that of each of some effects, alone; ``superposes`` holds of them, and they change one part.
+
+        Returns:
+            Shape (samples, rows, effects).
+        """
+        changes = [placed.change(self.signals)[0].reshape(self.drive.samples, -1) for placed in effects]
+        return self._moved(effects[0].field, np.stack(changes, axis=-1), ModalChange(), 0)
+
+    def _moved(self, field: str, change: Floats, modal: ModalChange | None, section: int) -> Floats:
+        """Give what changes of a part of the drive change, shape (samples, rows, ...).
+
+        Args:
+            field: The part.
+            change: Shape (samples, inputs, ...).
+            modal: What it does to the masses; ``None`` where the arm does not vibrate about it.
+            section: Section that an added mass is fixed to.
+        """
+        moved = _applied(self.by_drive[field], change)
+        if self.vibrations is None or modal is None:
             return moved
-        strained = np.nan_to_num(_applied(self.strains_by_drive[placed.field], change))
-        lag = self.vibrations.lag(strained, placed.effect.modal(placed.theta), placed.spot.section)
-        return moved + _applied(self._lag_jacobian, lag)
+        strained = np.nan_to_num(_applied(self.strains_by_drive[field], change))
+        return moved + _applied(self._lag_jacobian, self.vibrations.lag(strained, modal, section))
 
     @cached_property
     def signals(self) -> Signals:
@@ -344,9 +363,16 @@ def _by_part(by_input: Floats, by_eigenstrain: Floats, drive: Drive) -> dict[str
 
 
 def _applied(slopes: Floats, change: Floats) -> Floats:
-    """Multiply derivatives, shape (samples, rows, inputs), with changes, shape (samples, inputs)."""
-    applied: Floats = np.einsum("tri,ti->tr", slopes, change)
+    """Multiply derivatives, shape (samples, rows, inputs), with changes, shape (samples, inputs, ...)."""
+    applied: Floats = slopes @ change if change.ndim > 2 else np.einsum("tri,ti->tr", slopes, change)
     return applied
+
+
+def superposes(placed: PlacedEffect) -> bool:
+    """Return whether what an effect changes is only a change of the drive, to first order."""
+    modal = placed.effect.modal(placed.theta)
+    by_drive = placed.field not in ("", "base_rotation") and not placed.effect.responds_to_own_effect
+    return by_drive and modal.added_mass == 0.0 and modal.mass_ratio == 1.0
 
 
 def build_stage(model: Model, session: Session, setting: Setting) -> Stage:

@@ -154,10 +154,11 @@ class VibratingArm:
     free: Flags
 
     def lag(self, still: Floats) -> Floats:
-        """Return by how much strains vibrate about quasi-static ones, shape (samples, strains)."""
+        """Return by how much strains vibrate about quasi-static ones, shape (samples, strains, ...)."""
         before, after, share = self._delayed
-        late = still[before] + share * (still[after] - still[before])
-        return np.where(self.free[:, None], self._integrate(late) - still, 0.0)
+        wide = (-1, *(1,) * (still.ndim - 1))
+        late = still[before] + share.reshape(wide) * (still[after] - still[before])
+        return np.where(self.free.reshape(wide), self._integrate(late) - still, 0.0)
 
     @cached_property
     def _delayed(self) -> tuple[Indices, Indices, Floats]:
@@ -167,7 +168,7 @@ class VibratingArm:
         before, after = found[after - 1], found[np.minimum(after, len(found) - 1)]
         wide = np.maximum(self.clock[after] - self.clock[before], 1e-12)
         share = np.clip((wanted - self.clock[before]) / wide, 0.0, 1.0)
-        return before, after, share[:, None]
+        return before, after, share
 
     @cached_property
     def _integrate(self) -> Callable[[Floats], Floats]:
@@ -270,8 +271,9 @@ def _edges(clock: Floats) -> Floats:
 def _integrated(
     clock: Floats, edges: Floats, steps: NDArray[np.int64], spring: Floats, drag: Floats, still: Floats
 ) -> Floats:
-    found: Floats = _newmark(clock, edges, steps, spring, drag, np.ascontiguousarray(still))
-    return found
+    columns = np.ascontiguousarray(still.reshape(*still.shape[:2], -1))
+    found: Floats = _newmark(clock, edges, steps, spring, drag, columns)
+    return found.reshape(still.shape)
 
 
 @njit(cache=True, nogil=True)
@@ -279,10 +281,11 @@ def _newmark(
     clock: Floats, edges: Floats, steps: NDArray[np.int64], spring: Floats, drag: Floats, still: Floats
 ) -> Floats:
     """Step through the windows of all samples; no steps stand for a pause. See ``StrainDynamics.strains``."""
-    samples, size = still.shape
-    means = np.zeros((samples, size))
-    place, speed, push = still[0].copy(), np.zeros(size), np.zeros(size)
-    goal, ahead, gained = np.zeros(size), np.zeros(size), np.zeros(size)
+    samples, size, columns = still.shape
+    means = np.zeros((samples, size, columns))
+    place, speed, push = still[0].copy(), np.zeros((size, columns)), np.zeros((size, columns))
+    pull, gained = np.zeros((size, columns)), np.zeros((size, columns))
+    ahead, acceleration = np.zeros((size, columns)), np.zeros(columns)
     for k in range(samples):
         if steps[k] == 0:
             place[:], speed[:], push[:] = still[k], 0.0, 0.0
@@ -292,18 +295,23 @@ def _newmark(
         for step in range(1, steps[k] + 1):
             before, after, share = _between(clock, k, edges[k] + h * step)
             for i in range(size):  # arrays made in every step would take most of the time
-                goal[i] = still[before, i] + share * (still[after, i] - still[before, i])
-                ahead[i] = place[i] + h * speed[i] + 0.25 * h * h * push[i]
-                gained[i] = speed[i] + 0.5 * h * push[i]
+                for c in range(columns):
+                    goal = still[before, i, c] + share * (still[after, i, c] - still[before, i, c])
+                    ahead[i, c] = place[i, c] + h * speed[i, c] + 0.25 * h * h * push[i, c]
+                    gained[i, c] = speed[i, c] + 0.5 * h * push[i, c]
+                    pull[i, c] = goal - ahead[i, c]
             for i in range(size):
-                acceleration = 0.0
+                acceleration[:] = 0.0
                 for j in range(size):
-                    acceleration += spring[k, i, j] * (goal[j] - ahead[j]) - drag[k, i, j] * gained[j]
-                push[i] = acceleration
-                speed[i] = gained[i] + 0.5 * h * acceleration
-                there = ahead[i] + 0.25 * h * h * acceleration
-                means[k, i] += 0.5 * (place[i] + there)
-                place[i] = there
+                    spring_j, drag_j = spring[k, i, j], drag[k, i, j]
+                    for c in range(columns):
+                        acceleration[c] += spring_j * pull[j, c] - drag_j * gained[j, c]
+                for c in range(columns):
+                    push[i, c] = acceleration[c]
+                    speed[i, c] = gained[i, c] + 0.5 * h * acceleration[c]
+                    there = ahead[i, c] + 0.25 * h * h * acceleration[c]
+                    means[k, i, c] += 0.5 * (place[i, c] + there)
+                    place[i, c] = there
         means[k] /= steps[k]
     return means
 
