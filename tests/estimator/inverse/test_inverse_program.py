@@ -1,3 +1,5 @@
+import time
+
 import numpy as np
 import pytest
 
@@ -32,6 +34,23 @@ def test_solution_meets_the_optimality_conditions(spread: float) -> None:
         assert (slope[high] <= 1e-6).all()
         np.testing.assert_allclose(slope[~(held | low | high)], 0.0, atol=1e-6)
         assert solution[2] == 0.1
+
+
+@pytest.mark.parametrize("part", ["hessian", "gradient"])
+def test_a_program_that_is_no_number_has_no_solution_and_takes_no_time(part: str) -> None:
+    given = program(0.1)
+    getattr(given, part)[:] = np.nan
+    begin = time.process_time()
+    assert np.isnan(solve_program(given)).all()
+    assert time.process_time() - begin < 1.0
+
+
+def test_a_program_that_rounding_keeps_from_the_tolerance_takes_no_time() -> None:
+    given = program(0.1)
+    large = QuadraticProgram(1e12 * given.hessian, 1e12 * given.gradient, given.lower, given.upper)
+    begin = time.process_time()
+    np.testing.assert_allclose(solve_program(large), solve_program(given), atol=1e-6)
+    assert time.process_time() - begin < 0.02
 
 
 def test_crossed_bounds_are_refused() -> None:

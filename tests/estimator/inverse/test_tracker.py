@@ -1,4 +1,7 @@
+import time
+
 import numpy as np
+import pytest
 
 from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import Inputs
@@ -19,6 +22,22 @@ def test_pressures_that_are_lost_at_their_bound_leave_a_finite_estimate(arm):
         estimate = follower.update(1.0, readings, lost, GRAVITY)
         assert estimate.converged
         assert np.isfinite(estimate.covariance).all()
+
+
+@pytest.mark.parametrize("pressure", [1e3, np.nan])
+def test_an_instant_that_is_no_number_ends_at_once_and_the_next_goes_on(arm, pressure):
+    """ProxQP would iterate on it for half a minute, in which a service takes its estimator for stuck."""
+    actuation = ActuationMap(np.ones(6), np.zeros(6))
+    settings = TrackerSettings(LoadProcess(np.full(4, 1.0), 1.0), actuation, np.full(6, 65e3))
+    follower = Estimator(arm, SUITE, settings)
+    inputs = Inputs(np.full(6, 1e3), np.zeros(4), GRAVITY)
+    readings = SUITE.predict(arm.frames(arm.solve(inputs, arm.rest())[0]))
+    pressures = np.full(6, pressure)
+    assert follower.update(1.0, readings, pressures, GRAVITY).converged
+    begin = time.process_time()
+    assert follower.update(np.nan, readings, pressures, GRAVITY).status == "diverged"
+    assert time.process_time() - begin < 1.0
+    assert follower.update(1.01, readings, pressures, GRAVITY).converged
 
 
 def test_the_condition_of_the_arm_widens_the_noise_and_scales_the_forces(arm):

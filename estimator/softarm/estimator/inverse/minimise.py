@@ -151,6 +151,8 @@ class _Search(Generic[State, Step]):
         radius, last, retreats = self.tolerances.radius, np.inf, 0
         while True:
             change, size = self._change(point, radius)
+            if not np.isfinite(size):
+                return self._end(point, np.zeros_like(change), "diverged", iterations, gravity)
             # Steps shrink by this rate, so the next one, which is the error left, is about as much smaller.
             rate = min(size / last, 1.0) if np.isfinite(last) else 1.0
             settled = point.residual_norm * rate < self.tolerances.residual

@@ -18,6 +18,8 @@ DAMPING = 1e-12
 """Share of the largest curvature added to the diagonal, for directions that nothing fixes."""
 TOLERANCE = 1e-10
 """Largest absolute residual of the optimality conditions."""
+MOST_ITERATIONS = 200
+"""ProxQP takes about twenty. Where rounding keeps it above the tolerance, more of them gain nothing."""
 
 
 @dataclass(frozen=True)
@@ -109,11 +111,14 @@ def solve_program(program: QuadraticProgram) -> Floats:
     the augmented Lagrangian method needed (Bambade et al., ProxQP, RSS 2022).
 
     Returns:
-        z, shape (inputs,).
+        z, shape (inputs,); NaN where the program has numbers that are not finite.
     """
     value = np.empty_like(program.gradient)
     if _unbounded(program.hessian, program.gradient, program.lower, program.upper, value):
         return value
+    if not (np.isfinite(program.hessian).all() and np.isfinite(program.gradient).all()):
+        # ProxQP would iterate on them for half a minute.
+        return np.full_like(value, np.nan)
     return _proxqp(program, program.lower == program.upper)
 
 
@@ -145,6 +150,7 @@ def _proxqp(program: QuadraticProgram, held: NDArray[np.bool_]) -> Floats:
     problem = proxqp.dense.QP(size, len(equalities), int(size - len(equalities)))
     problem.settings.eps_abs = TOLERANCE
     problem.settings.eps_rel = 0.0
+    problem.settings.max_iter = problem.settings.max_iter_in = MOST_ITERATIONS
     problem.settings.verbose = False
     free = ~held
     problem.init(
