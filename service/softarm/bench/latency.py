@@ -20,7 +20,7 @@ from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arrays import Floats
 from softarm.estimator.specimen import load_specimen
-from softarm.experiments.rig import FakeRig, RigSettings, free_endpoint
+from softarm.experiments.rig import UNIT_NICENESS, FakeRig, RigSettings, free_endpoint, niceness
 from softarm.experiments.session import connect, wait_ready
 from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
@@ -135,7 +135,8 @@ def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> in
             stages += stage_rows(case, measured)
             advance(1)
     notes = (
-        "The fakes, the arm's simulation, the service, its estimator and this subscriber share the machine.",
+        "The fakes, the arm's simulation, the service, its estimator and this subscriber share the machine; "
+        "the subscriber has the niceness of the service.",
         "late_ticks: ticks of the control loop that were skipped.",
         *([] if refused is None else [f"Not measured with the rod: {refused}."]),
     )
@@ -238,6 +239,8 @@ def armed_rig(model: str, rate_hz: float, patience: float = 1.0) -> Iterator[tup
             patience=patience,
         )
         rig = stack.enter_context(FakeRig(settings, folder / "rig"))
+        # A client on a host of its own would not wait for the service's processes at all.
+        stack.enter_context(niceness(UNIT_NICENESS))
         client = stack.enter_context(connect(rig))
         wait_ready(client)
         stack.enter_context(client.lease())
@@ -296,7 +299,8 @@ def drive(client: Arm, seconds: float) -> list[float]:
 @contextmanager
 def computing() -> Iterator[None]:
     """Keep one core busy for the length of a block."""
-    process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
+    with niceness(0):
+        process = subprocess.Popen([sys.executable, "-c", "while True: pass"])
     try:
         yield
     finally:
