@@ -75,6 +75,14 @@ def test_a_push_is_found_though_the_arm_swings_under_it() -> None:
     assert (np.abs(found[after] - 0.4) < 3.0 * deviation[after]).all()
 
 
+def test_a_force_that_rises_evenly_is_not_followed_late() -> None:
+    """As a gauge on a stage pulls: a lag of 10 ms would be 2 mN."""
+    slope, damping_ratio = 0.2, 0.12
+    forces = slope * np.maximum(0.0, np.arange(0.0, 4.0, STEP) - 1.0)
+    lag = np.mean([follow(swung(forces, damping_ratio), seed)[0][200:] - forces[201:] for seed in range(4)])
+    assert abs(lag) < 0.01 * slope
+
+
 def test_deviations_are_true_of_forces_that_rest_wander_and_jump() -> None:
     rng = np.random.default_rng(3)
     rates = np.repeat(rng.choice([0.0, 0.1, 1.0], 60), 50)
