@@ -22,6 +22,7 @@ from softarm.estimator.calibration.fit import fit, left_out
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import choose_nodes
+from softarm.estimator.calibration.pulls import known_pulls
 from softarm.estimator.calibration.regression import estimate_lag
 from softarm.estimator.calibration.setting import Setting, gravity_axes
 from softarm.estimator.calibration.unknowns import by_azimuth
@@ -29,7 +30,7 @@ from softarm.estimator.calibration.warm_start import nearest_states
 from softarm.estimator.errors import InputError
 from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
-from softarm.estimator.sensing import ActuationMap
+from softarm.estimator.sensing import ActuationMap, Registration
 from softarm.estimator.specimen import Specimen, Value, load_specimen
 
 SECTIONS = ("base", "intermediate", "tip")
@@ -354,3 +355,22 @@ def test_a_block_that_is_left_out_is_predicted_as_by_the_fit_to_all_others() -> 
     exact = forward.evaluate(apart.values)[0].innovation[~others]
     found, seen = (part[0].innovation[~others] for part in (left_out(forward, whole), whole.evaluations))
     assert np.abs(found - exact).max() < 0.3 * np.abs(seen - exact).max()
+
+
+def test_a_cord_pulls_as_at_its_last_reading_until_it_is_let_go(sopra: Specimen) -> None:
+    """A gauge that answers every fifth sample reads nothing just before the hook is gone."""
+    time = 0.01 * np.arange(60)
+    tied = time < 0.195
+    reading = np.arange(60) % 5 == 0
+    columns = {
+        "gauge_tip_n": np.where(reading, np.where(tied, 0.4, 0.0), np.nan),
+        "marker_hook_x_m": np.where(tied, 0.2, np.nan),
+        "marker_hook_y_m": np.where(tied, 0.0, np.nan),
+        "marker_hook_z_m": np.where(tied, 0.276, np.nan),
+    }
+    loads = section_forces(sopra)
+    pulls = known_pulls(Recording("pulls", time, columns), sopra, Registration(), loads)
+    along = pulls[:, [load.name for load in loads].index("tip_x")]
+    np.testing.assert_allclose(along[15:20], 0.4)
+    assert np.isnan(along[11:15]).all()
+    assert along[20] == 0.0

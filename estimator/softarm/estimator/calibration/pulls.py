@@ -66,11 +66,28 @@ def known_pulls(
         require_unsaturated(recording, gauge, section)
         direction = cord_direction(recording, specimen, registration, section)
         unknown = np.full((len(tension), 3), np.nan)
+        if HOOK in recording.markers:
+            tension = _kept_until_let_go(recording, tension)
         slack = np.abs(tension) <= LEAST_PULL
         acting = tension[:, None] * (unknown if direction is None else direction)
         first = names.index(section)
         amplitudes[:, first : first + 3] += np.where(slack[:, None] & ~np.isfinite(acting), 0.0, acting)
     return amplitudes
+
+
+def _kept_until_let_go(recording: Recording, tension: Floats) -> Floats:
+    """Return tensions in which the last reading before a cord is let go holds until then, shape (samples,).
+
+    Such a cord does not slacken evenly from its last reading to the first one without it.
+    """
+    kept, time = tension.copy(), recording.time
+    hooked = np.flatnonzero(np.isfinite(recording.marker(HOOK)).all(axis=1))
+    silence = np.append(time[hooked[1:]], time[-1]) - time[hooked]
+    for end in hooked[silence > LONGEST_BRIDGE] + 1:
+        before = np.flatnonzero(np.isfinite(tension[:end]))
+        if len(before):
+            kept[before[-1] : end] = tension[before[-1]]
+    return kept
 
 
 def gauged_section(recording: Recording, gauge: str, sections: Sequence[str]) -> str:
