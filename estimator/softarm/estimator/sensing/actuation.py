@@ -26,7 +26,7 @@ class ActuationMap:
     Args:
         gain: Gain of each chamber at zero pressure, shape (chambers,).
         bias: Bias of each chamber [Pa], shape (chambers,).
-        sigma: Standard deviation of a measured pressure [Pa].
+        sigma: Standard deviation of a measured pressure [Pa], one number or shape (chambers,).
         curve: Relative growth of the gain with the pressure [1/Pa], one number or shape (chambers,).
         quadratic_gain: Relative growth of the gain with its square [1/Pa2], one number or shape (chambers,).
         crosstalk: Share of each pressure (column) that acts in another chamber (row), 0 for none or shape
@@ -35,7 +35,7 @@ class ActuationMap:
 
     gain: Floats
     bias: Floats
-    sigma: float = 200.0
+    sigma: Floats | float = 200.0
     curve: Floats | float = 0.0
     quadratic_gain: Floats | float = 0.0
     crosstalk: Floats | float = 0.0

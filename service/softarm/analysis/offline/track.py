@@ -146,6 +146,10 @@ def track(
         begin_near(estimator, waypoints, index, model.loads)
         began = monotonic()
         estimate = estimator.update(float(time), readings, pressures, gravity)
+        if estimate.status == "diverged" and index and isinstance(estimator, Estimator):
+            # A valve that opens between two samples: the last state is farther away than rest.
+            estimator.reset()
+            estimate = estimator.update(float(time), readings, pressures, gravity)
         in_vain_s = in_vain_s + monotonic() - began if estimate.status == "diverged" else 0.0
         _put(estimates, index, estimate, *moving.update(float(time), readings, estimate))
         if not solved:
@@ -202,14 +206,17 @@ def settings(loads: Sequence[Load], specimen: Specimen, run: CalibrationRun) -> 
 
 
 def actuation(specimen: Specimen, run: CalibrationRun) -> ActuationMap:
-    """Return the map from recorded to chamber pressures; nominal pressures are noisier than measured ones."""
+    """Return the map from recorded to chamber pressures; nominal pressures are noisier than measured ones.
+
+    The error of a nominal pressure is relative to that chamber's own: one that stays vented is known to be.
+    """
     sections = tuple(section.name for section in specimen.sections)
     calibrated = SpecimenSensors(specimen, sections, Registration()).actuation()
     if "commanded" not in run.pressure_source:
         return calibrated
-    highest = float(np.nanmax(run.pressures, initial=0.0))
+    highest = np.nanmax(run.pressures, axis=0, initial=0.0)
     nominal = specimen.noise.nominal_pressure_relative * highest
-    return replace(calibrated, sigma=max(calibrated.sigma, nominal))
+    return replace(calibrated, sigma=np.maximum(calibrated.sigma, nominal))
 
 
 def _blank(model: ArmModel[State, Step], run: CalibrationRun) -> Track[State]:
