@@ -53,7 +53,10 @@ MENDED = {
     "one late": (arm.shifted(("bend_tip",), 2.0), "bend_tip is 2.* s behind"),
     "markers": (arm.exchanged("marker_tip0", "marker_tip1"), "tip0 and tip1 are exchanged"),
     "markers of two bodies": (arm.exchanged("marker_tip0", "marker_base1"), "base1 and tip0 are exchanged"),
-    "mirrored markers": (arm.scaled("marker_", "_y_m", -1.0), "mirrored"),
+    "mirrored markers": (
+        arm.scaled("marker_", "_y_m", -1.0),
+        "mirrored: only so do the sections lie and point as they do in the specimen",
+    ),
     "frames": (arm.exchanged("frame_intermediate", "frame_tip"), "intermediate and tip are exchanged"),
     "bends": (arm.exchanged("bend_intermediate", "bend_tip"), "bends of intermediate and tip are exchanged"),
     "mirrored frames": (

@@ -41,6 +41,12 @@ def test_consistent_says_how_far_the_model_is_off():
     assert "agrees with the recordings" in sentences.verdict(replace(consistent(), heldout=heldout))
 
 
+def test_a_finding_without_a_size_says_what_was_found():
+    statement = "b_run: the markers are in millimetres; converted for this run."
+    found = replace(unexplained().findings[0], effect="frame_mismatch", statement=statement)
+    assert statement in sentences.finding_line(1, found, replace(unexplained(), findings=(found,)))
+
+
 @pytest.mark.parametrize("made", EVERY)
 def test_page_terminal_and_json_agree(made):
     one = made()

@@ -143,8 +143,11 @@ def _renamed(
     if best.mirrored:
         for name in recording.markers:
             columns[f"marker_{name}_x_m"] = -columns[f"marker_{name}_x_m"]
-    fits = f"to {1e3 * after:.1f} instead of {1e3 * before:.1f} mm"
-    what = f"{describe(markers, best)}: the markers fit their sections {fits}"
+    if before > after + 1e-4:
+        fits = f"the markers fit their sections to {1e3 * after:.1f} instead of {1e3 * before:.1f} mm"
+    else:  # markers in one plane fit their section either way
+        fits = "only so do the sections lie and point as they do in the specimen"
+    what = f"{describe(markers, best)}: {fits}"
     mismatch = RecordingFault(recording.name, kind, names, what, "mended for this run", True, odds)
     return replace(recording, columns=columns), (mismatch,)
 

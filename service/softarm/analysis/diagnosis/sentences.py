@@ -236,7 +236,9 @@ def _span(stretch: Stretch) -> str:
 
 
 def finding_line(index: int, finding: Finding, diagnosis: Diagnosis) -> str:
-    """Write a finding in one line with its size and what it removes."""
+    """Write a finding in one line: its size and what it removes, or its statement where it has no size."""
+    if not finding.parameters and finding.effect != "unknown":
+        return f"{index}. {place(finding)}: {finding.statement}"
     sizes = ", ".join(f"{plain(name)} {quantity(one)}" for name, one in finding.parameters.items())
     removes = f"; removes {100.0 * share(finding, diagnosis):.0f} % of the mismatch" if sizes else ""
     return f"{index}. {place(finding)}{': ' if sizes else ''}{sizes}{removes}"
