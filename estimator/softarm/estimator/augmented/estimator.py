@@ -271,8 +271,8 @@ class AugmentedEstimator(Generic[State, Step]):
             for k in sensing:
                 placed = self._effects[k]
                 if placed.spot.place.sensor == sensor.name:
-                    signals = replace(signals_of(drive, self._world, last), reading=plain)
-                    changed, memories[k] = placed.act(signals, self._memories[k])
+                    signals = signals_of(drive, self._world, last)
+                    changed, memories[k] = placed.misread(signals, sensor, plain, self._memories[k])
                     lost = placed.effect.hides_reading
                     clean[part] = np.nan if lost else undo(clean[part], plain[0], changed[0])
         self._memories = tuple(memories)

@@ -313,9 +313,10 @@ class Stage:
     def _misread(self, placed: PlacedEffect, truth: Floats) -> Floats:
         """Give stacked readings as an effect of sensing turns them, shape (samples, readings)."""
         readings = truth.copy()
-        entries = self.suite.reading_slices.get(placed.spot.place.sensor or "")
-        if entries is not None:
-            readings[:, entries], _ = placed.act(replace(self.signals, reading=truth[:, entries]), ())
+        for sensor in self.suite.measurements:
+            if sensor.name == placed.spot.place.sensor:
+                entries = self.suite.reading_slices[sensor.name]
+                readings[:, entries], _ = placed.misread(self.signals, sensor, truth[:, entries])
         return readings
 
     @cached_property

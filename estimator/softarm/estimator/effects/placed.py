@@ -10,6 +10,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Hook, Memory, Signals
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.response import ArmResponse
+from softarm.estimator.sensing import Measurement
 from softarm.estimator.simulation import Drive
 
 FIELDS: Mapping[Hook, str] = {
@@ -23,6 +24,8 @@ FIELDS: Mapping[Hook, str] = {
 """Part of a ``Drive`` that an effect changes, by its hook; an effect of sensing changes none."""
 ANSWERING = frozenset({"wrenches", "eigenstrains", "base_rotation"})
 """Parts that may depend on the arm's response."""
+PLACE = 3
+"""Entries of a reading that is a place; those of bends and of frames are fewer or more."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +63,20 @@ class PlacedEffect:
         inside = actuation.to_measured(signals.pressures)
         changed, memory = self.effect.act(replace(signals, pressures=inside), self.theta, self.spot, memory)
         return signals.pressures + actuation.to_chamber(changed) - actuation.to_chamber(inside), memory
+
+    def misread(
+        self, signals: Signals, sensor: Measurement, reading: Floats, memory: Memory = ()
+    ) -> tuple[Floats, Memory]:
+        """Return readings of a sensor, shape (samples, entries), as an effect of sensing changes them.
+
+        The place of a marker changes in base axes: what is found must not depend on how somebody laid the
+        laboratory's axes.
+        """
+        laboratory = sensor.registration if reading.shape[-1] == PLACE else None
+        if laboratory is None:
+            return self.act(replace(signals, reading=reading), memory)
+        changed, memory = self.act(replace(signals, reading=laboratory.to_base(reading)), memory)
+        return laboratory.to_laboratory(changed), memory
 
     def change(self, signals: Signals, memory: Memory = ()) -> tuple[Floats, Memory]:
         """Compute what the effect adds to its part of the drive, and its memory after the last sample.

@@ -219,10 +219,10 @@ def _readings(
     """Predict the readings, effects of sensing included."""
     if suite is None:
         return {}
-    readings = {sensor.name: sensor.predict(response.frames) for sensor in suite.measurements}
+    sensors = {sensor.name: sensor for sensor in suite.measurements}
+    readings = {name: sensor.predict(response.frames) for name, sensor in sensors.items()}
     for k, placed in enumerate(effects):
         if placed.effect.hook == "sensing" and placed.spot.place.sensor in readings:
-            name = placed.spot.place.sensor
-            signals = replace(signals_of(drive, world, response), reading=readings[name])
-            readings[name], after[k] = placed.act(signals, before[k])
+            name, signals = placed.spot.place.sensor, signals_of(drive, world, response)
+            readings[name], after[k] = placed.misread(signals, sensors[name], readings[name], before[k])
     return readings
