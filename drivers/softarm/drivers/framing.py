@@ -156,10 +156,11 @@ class FrameParser(Generic[FrameT]):
 
 
 class TextLine(NamedTuple):
-    """A line without its end, and how many bytes had been received when it ended."""
+    """A line without its end, how many bytes had been received when it ended, and whether it is complete."""
 
     text: bytes
     received: int
+    complete: bool = True
 
 
 @dataclass(slots=True)
@@ -168,7 +169,8 @@ class LineParser:
 
     Args:
         longest: Bytes that a line may have; a longer one is dropped to its end and is one `overlong` fault.
-        discard_first: Drop everything up to the first line end: the stream is joined in mid-line.
+        discard_first: Count everything up to the first line end as an incomplete line: the stream is joined
+            in mid-line.
         end: The byte that ends a line.
     """
 
@@ -188,7 +190,7 @@ class LineParser:
         self._dropping = self.discard_first
 
     def feed(self, data: bytes) -> Decoded[TextLine]:
-        """Decode the next bytes and return the lines completed, without their ends and without empty ones."""
+        """Decode the next bytes and return the lines that end in them, without empty ones."""
         self.counts.since_frame += len(data)
         decoded: Decoded[TextLine] = Decoded([], [])
         *pieces, rest = data.split(self.end)
@@ -201,11 +203,11 @@ class LineParser:
 
     def _extend(self, piece: bytes, decoded: Decoded[TextLine]) -> None:
         self.counts.received += len(piece)
+        self._buffer += piece
         if self._dropping:
             self.counts.skipped += len(piece)
-            return
-        self._buffer += piece
-        if len(self._buffer) > self.longest:
+            del self._buffer[: -self.longest]
+        elif len(self._buffer) > self.longest:
             decoded.faults.append(FrameFault("overlong", f"no line end in {self.longest} bytes"))
             self.counts.skipped += len(self._buffer)
             self._buffer.clear()
@@ -214,12 +216,11 @@ class LineParser:
     def _finish(self, decoded: Decoded[TextLine]) -> None:
         if self._dropping:
             self.counts.skipped += len(self.end)
-            self._dropping = False
-            return
+        complete, self._dropping = not self._dropping, False
         text = bytes(self._buffer).strip(b"\r")
         self._buffer.clear()
         if text:
-            decoded.frames.append(TextLine(text, self.counts.received))
+            decoded.frames.append(TextLine(text, self.counts.received, complete))
 
 
 @dataclass(slots=True)
@@ -229,10 +230,12 @@ class LineCodec(Generic[FrameT]):
     Args:
         parse: Decodes one line without its end, or returns why it cannot.
         lines: Cuts the stream.
+        parse_rest: Decodes what is left of an incomplete line, where that is certain without its beginning.
     """
 
     parse: Callable[[bytes], FrameT | FrameFault]
     lines: LineParser = field(default_factory=LineParser)
+    parse_rest: Callable[[bytes], FrameT | None] = lambda rest: None  # noqa: ARG005
 
     @property
     def counts(self) -> ByteCounts:
@@ -248,7 +251,9 @@ class LineCodec(Generic[FrameT]):
         lines = self.lines.feed(data)
         decoded: Decoded[FrameT] = Decoded([], lines.faults)
         for line in lines.frames:
-            outcome = self.parse(line.text)
+            outcome = self.parse(line.text) if line.complete else self.parse_rest(line.text)
+            if outcome is None:
+                continue
             if isinstance(outcome, FrameFault):
                 self.counts.skipped += len(line.text) + 1
                 decoded.faults.append(outcome)

@@ -98,3 +98,20 @@ def test_no_sensor_reached_is_no_valid_reading() -> None:
     device, readings = board(sensors=1)
     device.receive(b"cannot connect to sensor 1\r\n1.00,2.00\r\n", 0)
     assert not readings[0].valid
+
+
+def test_a_sensor_that_the_first_line_reports_absent_is_not_valid() -> None:
+    readings = Readings()
+    device = BendConfig(name="bend", port="/dev/none", dtr="reset").build(readings)
+    device.receive(b"\xf0~cannot connect to sensor 2\r\n" + LINE, 0)
+    (reading,) = readings
+    assert reading.value.valid == (True, False, True)
+    assert reading.flags == ("absent:2",)
+    assert "absent" in device.health.alarms
+
+
+def test_a_first_line_of_angles_may_lack_its_beginning_and_is_never_read() -> None:
+    readings = Readings()
+    device = BendConfig(name="bend", port="/dev/none").build(readings)
+    device.receive(LINE + b"2" + LINE, 0)
+    assert [reading.value.angles[2] for reading in readings] == degrees((21, 2))

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from softarm.drivers.errors import ConnectionLost
+from softarm.drivers.errors import ConnectionLost, ProtocolError
 from softarm.drivers.gauges.device import LineGaugeConfig, LutronConfig, StreamingGauge
 from softarm.drivers.gauges.force import ForceScale, GaugeForce
 from softarm.drivers.gauges.polled import Mark10Config, Mark10Gauge, PolledGauge, SauterConfig, SauterGauge
@@ -175,6 +175,34 @@ def test_mark10_with_another_polarity_is_not_trusted(virtual: Any, word: bytes) 
         assert not readings[0].valid
         assert readings[0].flags == ("settings",)
         assert "polarity" in device.health.alarms
+
+    virtual.run(main)
+
+
+@pytest.mark.parametrize("mode", [b"PT", b"PC"])
+def test_mark10_peaks_are_no_force(virtual: Any, mode: bytes) -> None:
+    async def main() -> None:
+        device, readings = build_mark10(virtual)
+        settings = [GOOD.replace(b"CUR", mode)]
+        link: Any = ScriptedLink(device, lambda q: [settings[0] if q == b"LIST\r\n" else b"-30.0 lbF\r\n"])
+        await device.begin(link)
+        assert not readings[0].valid
+        assert readings[0].flags == ("settings",)
+        assert "peak" in device.health.alarms
+        settings[0] = GOOD
+        await device.begin(link)
+        assert readings[-1].valid
+        assert "peak" not in device.health.alarms
+
+    virtual.run(main)
+
+
+def test_mark10_that_refuses_its_settings_is_named_as_such(virtual: Any) -> None:
+    async def main() -> None:
+        device, _ = build_mark10(virtual)
+        link: Any = ScriptedLink(device, mark10(b"*10\r\n", b"1.0 N\r\n"))
+        with pytest.raises(ProtocolError, match=r"answers \*10, illegal command, to LIST; use a gauge"):
+            await device.begin(link)
 
     virtual.run(main)
 

@@ -9,7 +9,7 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from softarm.drivers.framing import FrameFault, LineCodec
+from softarm.drivers.framing import FrameFault, LineCodec, LineParser
 
 _ANGLE: Final = re.compile(r"[+-]?\d{1,4}(?:\.\d{0,6})?")
 _ABSENT: Final = re.compile(r"cannot connect to sensor\s*(\d+)", re.IGNORECASE)
@@ -42,7 +42,13 @@ class BendStatus:
 
 def bend_codec(sensors: int = 3) -> LineCodec[BendLine | BendStatus]:
     """Return a new parser of lines that carry so many sensors."""
-    return LineCodec(lambda line: parse_line(line, sensors))
+    return LineCodec(lambda line: parse_line(line, sensors), LineParser(), absent_sensor)
+
+
+def absent_sensor(line: bytes) -> BendStatus | None:
+    """Return the complaint about a sensor in a line that may lack its beginning, such as the first of all."""
+    absent = _ABSENT.search(line.decode("ascii", errors="replace"))
+    return BendStatus(absent[0], int(absent[1])) if absent else None
 
 
 def parse_line(line: bytes, sensors: int = 3) -> BendLine | BendStatus | FrameFault:

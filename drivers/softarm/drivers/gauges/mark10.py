@@ -36,6 +36,11 @@ class Mark10Settings:
         return next((unit for unit in map(unit_named, self.fields[1:-1]) if unit), None)
 
     @property
+    def shows_peak(self) -> bool:
+        """Whether a reading is the peak of a pull or a push, and not the present force."""
+        return "PT" in self.fields or "PC" in self.fields
+
+    @property
     def sends_polarity(self) -> bool:
         """Whether readings carry their sign, negative for tension; inverted and omitted both say no."""
         return "POL" in self.fields

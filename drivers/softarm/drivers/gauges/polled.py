@@ -8,6 +8,7 @@ from pydantic import Field
 
 from softarm.drivers.clock import NANOSECONDS, Clock, PollTicker, monotonic
 from softarm.drivers.config import Seconds
+from softarm.drivers.errors import ProtocolError
 from softarm.drivers.gauges import mark10, sauter
 from softarm.drivers.gauges.device import ForceGauge, GaugeConfig, UnitName
 from softarm.drivers.gauges.mark10 import Mark10Error, Mark10Reply, Mark10Settings, mark10_codec
@@ -18,8 +19,12 @@ from softarm.drivers.serial_device import FrameT
 from softarm.drivers.serial_link import SerialLink
 
 POLARITY = "polarity"
+PEAK = "peak"
 REVERSAL_N = 0.2
 """Smallest load [N] before and after a change of sign that makes the settings doubtful."""
+
+REFUSALS = 3
+"""Error replies to `LIST` after which the gauge does not know it; a single one may follow a damaged request."""
 
 
 class PolledConfig(GaugeConfig):
@@ -82,7 +87,7 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
 
 
 class Mark10Gauge(PolledGauge[Mark10Reply]):
-    """A Mark-10 gauge. Its readings are trusted while `LIST` says that they carry their sign.
+    """A Mark-10 gauge. Its readings are trusted while `LIST` says that they carry their sign and are no peaks.
 
     A reading does not show whether somebody has inverted its sign, but a load that changes sign from one
     reading to the next may come from that: no reading is then trusted until the settings are read again.
@@ -103,9 +108,17 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
         self._last_gross = 0.0
 
     async def begin(self, link: SerialLink) -> None:
-        """Read the settings, then a first reading."""
-        while not await self._check_settings(link):
-            pass
+        """Read the settings, then a first reading.
+
+        Raises:
+            ProtocolError: The gauge does not know `LIST`.
+        """
+        refusals = 0
+        while not isinstance(reply := await self._check_settings(link), Mark10Settings):
+            refusals += isinstance(reply, Mark10Error)
+            if isinstance(reply, Mark10Error) and refusals == REFUSALS:
+                what = f"answers {reply.code}, {reply.meaning}, to LIST"
+                raise ProtocolError(self.name, what, "use a gauge that speaks GCL2")
         await super().begin(link)
 
     async def poll(self, link: SerialLink) -> bool:
@@ -130,13 +143,15 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
         if min(abs(gross), abs(self._last_gross)) >= REVERSAL_N and gross * self._last_gross < 0:
             self._doubtful = True
         self._last_gross = gross
-        trusted = settings is not None and settings.sends_polarity and not self._doubtful
+        certain = settings is not None and settings.sends_polarity and not settings.shows_peak
+        trusted = certain and not self._doubtful
         self.publish(sample, arrival_ns, unit=unit, trusted=trusted)
 
-    async def _check_settings(self, link: SerialLink) -> bool:
+    async def _check_settings(self, link: SerialLink) -> Mark10Reply | None:
+        """Request the settings, keep them and return the reply, whatever it is."""
         reply = await self.ask(link, mark10.LIST)
         if not isinstance(reply, Mark10Settings):
-            return False
+            return reply
         self._settings, self._checked_ns, self._doubtful = reply, self.clock(), False
         self.health.facts.update(firmware=reply.fields[0], settings=";".join(reply.fields))
         if not reply.sends_polarity:
@@ -144,7 +159,13 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
             self.health.alarms.set(POLARITY, "the gauge inverts or omits the sign", cure)
         else:
             self.health.alarms.clear(POLARITY)
-        return True
+        if reply.shows_peak:
+            self.health.alarms.set(
+                PEAK, "the gauge shows a peak, not the present force", "set the gauge to its current reading"
+            )
+        else:
+            self.health.alarms.clear(PEAK)
+        return reply
 
 
 class SauterGauge(PolledGauge[GaugeSample]):
