@@ -339,6 +339,37 @@ def test_busy_is_tried_again_and_other_refusals_end_it(virtual):
     session(virtual, body)
 
 
+def test_a_write_that_was_refused_as_busy_makes_no_foreign_writer(virtual):
+    async def body(bank, terminal, readings):
+        bank.arm()
+        await hold(bank, SIX, 0.4)
+        terminal.refuses = {23: 6}
+        await hold(bank, [0.0] * 6, 0.16)
+        assert "foreign writer" not in bank.health.alarms
+        terminal.refuses = {}
+        await hold(bank, SIX, 0.4)
+        assert bank.armed
+        assert not bank.health.alarms
+
+    session(virtual, body)
+
+
+def test_a_terminal_that_stays_busy_is_left_to_its_watchdog_and_asked_again(virtual):
+    async def body(bank, terminal, readings):
+        bank.arm()
+        await hold(bank, SIX, 0.4)
+        terminal.refuses = {23: 6, 16: 6}
+        await bank.supervisor.wait_for(ConnectionState.FAULT)
+        assert "takes no set-point" in str(bank.supervisor.error)
+        await asyncio.sleep(20)
+        assert terminal.setpoints == [0] * 16
+        terminal.refuses = {}
+        await bank.supervisor.wait_for(ConnectionState.STREAMING)
+        assert not bank.armed
+
+    session(virtual, body)
+
+
 def test_misfit_answers_are_missed_passes(virtual):
     async def body(bank, terminal, readings):
         terminal.faults = [ProtocolError("valves", "answers 47 registers instead of 48", "look")]

@@ -25,6 +25,7 @@ class MemoryTerminal:
         self.diagnosis = [0] * 16
         self.log = []
         self.faults = []
+        self.refuses = {}
         self.links = []
         self.down = False
         self._updated_ns = None
@@ -110,6 +111,8 @@ class MemoryLink:
         fault = terminal.faults.pop(0) if terminal.faults else None
         if function not in terminal.functions:
             raise ModbusExceptionError("valves", function, 1, address)
+        if function in terminal.refuses:
+            raise ModbusExceptionError("valves", function, terminal.refuses[function], address)
         if isinstance(fault, int):
             raise ModbusExceptionError("valves", function, fault, address)
         if isinstance(fault, Exception):

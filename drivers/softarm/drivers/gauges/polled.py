@@ -24,7 +24,7 @@ REVERSAL_N = 0.2
 """Smallest load [N] before and after a change of sign that makes the settings doubtful."""
 
 REFUSALS = 3
-"""Error replies to `LIST` after which the gauge does not know it; a single one may follow a damaged request."""
+"""Error replies to `LIST` after which it counts as unknown; a damaged request may cause a single one."""
 
 
 class PolledConfig(GaugeConfig):
@@ -87,7 +87,7 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
 
 
 class Mark10Gauge(PolledGauge[Mark10Reply]):
-    """A Mark-10 gauge. Its readings are trusted while `LIST` says that they carry their sign and are no peaks.
+    """A Mark-10 gauge. Its readings are trusted while `LIST` says that they have a sign and are no peaks.
 
     A reading does not show whether somebody has inverted its sign, but a load that changes sign from one
     reading to the next may come from that: no reading is then trusted until the settings are read again.

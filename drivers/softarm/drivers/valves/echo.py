@@ -29,13 +29,21 @@ class EchoMonitor:
         self._lag_ns = lag_ns
         self._writes: deque[tuple[int, Counts]] = deque()
         self._answered = True
+        self._before_last: bool | None = None
 
     def attempted(self, counts: Counts, now_ns: int) -> None:
         """Record a write that was sent, whether or not it was confirmed."""
         if self._writes and self._writes[-1][1] == counts:
+            self._before_last = None
             return
         self._writes.append((now_ns, counts))
-        self._answered = False
+        self._before_last, self._answered = self._answered, False
+
+    def refused(self) -> None:
+        """Forget the last write: the terminal has not taken it."""
+        if self._before_last is not None:
+            self._writes.pop()
+            self._answered, self._before_last = self._before_last, None
 
     def answered(self, now_ns: int) -> None:
         """Record the answer to the last write: a request may have waited before the terminal took it."""

@@ -74,10 +74,24 @@ class BankSession:
         self._unknown = False
         self._misses = 0
         self._fed_ns = self._odd_ns = clock() - CALM_NS
+        self._taken_ns = clock()
         self._verdict = Verdict.OURS
 
     async def identify(self) -> None:
-        """Look at the terminal; unless only observing, vent it and set its watchdog."""
+        """Look at the terminal; unless only observing, vent it and set its watchdog.
+
+        Raises:
+            ConnectionLost: The terminal is busy.
+            ConfigurationError: It is not what the configuration says.
+        """
+        try:
+            await self._prepare()
+        except ModbusExceptionError as refusal:
+            if not refusal.busy:
+                raise
+            raise ConnectionLost(self._device, refusal.what, "wait, or restart the terminal") from refusal
+
+    async def _prepare(self) -> None:
         standing = await look(self._terminal, self._device, self._health)
         if self._observe:
             self._watchdog = await look_at_watchdog(self._terminal, self._health)
@@ -94,7 +108,7 @@ class BankSession:
     async def stream(self) -> None:
         """Run passes at a fixed rate until the connection is lost."""
         ticker = PollTicker(round(self._period_s * NANOSECONDS), self._clock)
-        self._fed_ns = self._clock()
+        self._fed_ns = self._taken_ns = self._clock()
         while True:
             tick = await ticker.wait()
             self._health.drift.add(tick.drift_ns)
@@ -122,6 +136,7 @@ class BankSession:
             if not refusal.busy:
                 raise ConfigurationError(self._device, refusal.what, refusal.cure) from refusal
             self._health.events["terminal busy"] += 1
+            self._check_taken(refusal)
             return
         except (NoAnswer, ProtocolError) as error:
             self._miss(error)
@@ -167,9 +182,10 @@ class BankSession:
         # A refusal is an answer: the terminal has not taken them.
         except ModbusExceptionError:
             self._unknown = False
+            self._echo.refused()
             raise
         self._unknown = False
-        self._fed_ns = asked_ns
+        self._fed_ns = self._taken_ns = asked_ns
         self._echo.answered(self._clock() if sample is None else sample.arrival_ns)
         self._applied, self._setpoint = plan.applied, plan.setpoint
         if sample is not None:
@@ -192,6 +208,17 @@ class BankSession:
             new, reason = self._alarms.foreign_writer(), "another master wrote to the valves"
         self._health.events[reason] += new
         self._outputs.vent(reason)
+
+    def _check_taken(self, refusal: ModbusExceptionError) -> None:
+        """Give the connection up where the terminal stays busy: its watchdog then vents, which nobody else can.
+
+        Raises:
+            ConnectionLost: It has taken no set-point for the time of a watchdog.
+        """
+        limit = self._config.watchdog_ms
+        if not self._observe and self._clock() - self._taken_ns > limit * NANOSECONDS // 1000:
+            what = f"takes no set-point: {refusal.what}"
+            raise ConnectionLost(self._device, what, "restart the terminal", limit=limit, unit="ms")
 
     def _miss(self, error: DeviceError) -> None:
         self._health.last_error = error
