@@ -23,6 +23,9 @@ ErrorCode = Literal[
 
 CLIENT_NAME = r"^[\w .@-]{1,40}$"
 """Names of clients appear in logs and on the operator page, so they hold no markup."""
+FILE_NAME = r"^[A-Za-z0-9_.-]+$"
+"""Names of poses and recordings are names of files on the service's host."""
+LONGEST_NAME = 60
 
 
 class Request(Message):
@@ -81,7 +84,7 @@ class TeachHold(MovingRequest):
 class TeachSave(GuardedRequest):
     """``teach/save``: remember the present pose and its pressures under a name."""
 
-    name: str = Field(min_length=1, max_length=60, pattern=r"^[A-Za-z0-9_.-]+$")
+    name: str = Field(min_length=1, max_length=LONGEST_NAME, pattern=FILE_NAME)
 
 
 class TeachGoto(MovingRequest):
@@ -94,7 +97,7 @@ class TeachGoto(MovingRequest):
 class RecordStart(Request):
     """``record/start``: write every stream to a file."""
 
-    name: str = Field(default="recording", min_length=1, max_length=60, pattern=r"^[A-Za-z0-9_.-]+$")
+    name: str = Field(default="recording", min_length=1, max_length=LONGEST_NAME, pattern=FILE_NAME)
 
 
 class DeviceReconnect(GuardedRequest):

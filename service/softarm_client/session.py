@@ -3,6 +3,7 @@
 import ipaddress
 import json
 import os
+import re
 from pathlib import Path
 from typing import Literal, cast
 
@@ -90,7 +91,7 @@ def open_session(settings: NetworkSettings) -> zenoh.Session:
         return zenoh.open(config)
     except zenoh.ZError as error:
         ends = ", ".join((*settings.listen, *settings.connect))
-        reason = str(error).split(" at ", maxsplit=1)[0]
+        reason = _reason(error)
         if settings.mode == "client" and "nable to connect" in reason:
             what = f"no zenoh session on {ends}: nothing answers there, or not to these credentials"
             raise UnreachableError(where, what, "start softarm serve there, or name its endpoint") from error
@@ -112,13 +113,20 @@ def read_zenoh_config(path: Path | None) -> zenoh.Config:
     try:
         config = zenoh.Config.from_file(str(chosen))
     except zenoh.ZError as error:
-        reason = str(error).split(" at ", maxsplit=1)[0]
+        reason = _reason(error)
         raise SetupError(str(path), f"is no zenoh configuration ({reason})", "see deploy/zenoh") from error
     for key in FILE_KEYS:
         named = _value(config, key)
         if isinstance(named, str):
             config.insert_json5(key, json.dumps(str(credential(path.parent / named))))
     return config
+
+
+def _reason(error: zenoh.ZError) -> str:
+    """Return what zenoh reports, without its place in the source and its own words for an error's type."""
+    reason = str(error).split(" at ", maxsplit=1)[0]
+    quoted = re.search(r'(?:message|msg): "(.*?)(?:"|$)', reason)
+    return quoted[1] if quoted else reason
 
 
 def credential(path: Path) -> Path:

@@ -94,6 +94,12 @@ def test_no_help_shows_a_layout_mark_or_joins_two_examples() -> None:
 
 def test_wrong_use_names_the_help_to_read(capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.run(["bogus"]) == 2
-    assert "See softarm --help." in capsys.readouterr().err
+    assert capsys.readouterr().err == "softarm: No such command 'bogus'. See softarm --help.\n"
+    assert cli.run(["estimat"]) == 2
+    assert (
+        "No such command 'estimat', did you mean 'estimate'? See softarm --help." in capsys.readouterr().err
+    )
+    assert cli.run(["doctor"]) == 2
+    assert "--discover ADDRESS. See softarm doctor --help." in capsys.readouterr().err
     assert cli.run(["status"]) == 2
     assert "See softarm status --help." in capsys.readouterr().err

@@ -145,3 +145,17 @@ def test_the_shipped_recording_tells_the_pull_at_its_tip(
     assert rows["tip_x"]["mean"] == pytest.approx(0.3, abs=0.015)
     assert rows["tip_y"]["mean"] == pytest.approx(0.0, abs=0.015)
     assert (tmp_path / "arm.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize("name", ["estimates.xlsx", "there"])
+def test_an_output_that_cannot_be_written_is_refused_before_the_work(
+    bare: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], name: str
+) -> None:
+    save_recording(load_recording(bare), tmp_path / "there")
+    assert (
+        run(["estimate", str(bare), "--out", str(tmp_path / name), "--plots", str(tmp_path / "plots")]) == 2
+    )
+    said = capsys.readouterr()
+    assert name in said.err
+    assert not said.out
+    assert not (tmp_path / "plots").exists()

@@ -56,6 +56,30 @@ def test_a_name_that_no_arm_can_have_is_wrong_use(capsys):
     )
 
 
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (["record", "--name", "a/b"], "'a/b': use 1 to 60 letters"),
+        (["teach", "save", "a/b"], "'a/b': use 1 to 60 letters"),
+        (["record", "--start", "--stop"], "give only one of --seconds, --start and --stop."),
+        (["status", "--endpoint", "nowhere"], "(Endpoints must be of the form <protocol>/<address>"),
+    ],
+)
+def test_wrong_use_is_refused_before_an_arm_is_asked(words, why, capsys):
+    assert run([*words, "--arm", "nobody"]) == 2
+    said = capsys.readouterr().err
+    assert why in said
+    assert said.count("\n") == 1
+    assert "Err(" not in said
+
+
+def test_a_file_that_is_no_zenoh_configuration_is_named_with_its_fault(tmp_path, capsys):
+    path = tmp_path / "users.toml"
+    path.write_text("a = [1\n")
+    assert run(["status", "--arm", "nobody", "--zenoh", str(path)]) == 2
+    assert "is no zenoh configuration (unclosed array, expected `]`)" in capsys.readouterr().err
+
+
 def test_positions_are_rounded_to_micrometres(served):
     with Arm("test", served.endpoint) as arm:
         state = arm.state()

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from softarm.daemon.config import ConfigError, load_config
+from softarm.estimator.errors import InputError
 
 WRONG = """
 arm = "my arm"
@@ -43,6 +44,16 @@ def test_every_mistake_is_told_at_once_with_its_place(tmp_path: Path) -> None:
     assert len(caught.value.lines) == len(PLACES), caught.value.lines
     for place in PLACES:
         assert any(line.startswith(place) for line in caught.value.lines), place
+    assert "\n" not in str(caught.value)
+    assert str(caught.value).startswith(f"{path}: (1) ")
+    assert str(caught.value).endswith("; correct them all")
+
+
+def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "arm.toml"
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(InputError, match=r"cannot be read \(invalid start byte\); give a TOML file in UTF-8"):
+        load_config(path)
 
 
 def test_a_table_in_place_of_a_list_is_a_mistake_and_no_traceback(tmp_path: Path) -> None:

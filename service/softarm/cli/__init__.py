@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import click
 
 from softarm.common.errors import WorkFailedError
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, suggest
 from softarm_client.errors import ClientError, SetupError
 
 TRACEBACK = "SOFTARM_TRACEBACK"
@@ -67,6 +67,15 @@ class LazyGroup(click.Group):
         assert isinstance(command, click.Command)
         return command
 
+    def resolve_command(
+        self, ctx: click.Context, args: list[str]
+    ) -> tuple[str | None, click.Command | None, list[str]]:
+        """Find the command that is asked for, and suggest the nearest one where there is none."""
+        if args and args[0] not in COMMANDS and not args[0].startswith("-"):
+            advice = suggest(args[0], COMMANDS, "", cutoff=0.6)
+            ctx.fail(f"No such command '{args[0]}'{advice and f', {advice}'}")
+        return super().resolve_command(ctx, args)
+
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:  # noqa: ARG002
         """List the commands without importing them."""
         with formatter.section("Commands"):
@@ -114,12 +123,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo(error.format_message())
         return 0
     except click.ClickException as error:
-        where = (
-            f" See {error.ctx.command_path} --help."
-            if isinstance(error, click.UsageError) and error.ctx
-            else ""
-        )
-        click.echo(f"softarm: {error.format_message()}{where}", err=True)
+        what = error.format_message()
+        if isinstance(error, click.UsageError) and error.ctx:
+            stop = "" if what.endswith((".", "?")) else "."
+            what = f"{what}{stop} See {error.ctx.command_path} --help."
+        click.echo(f"softarm: {what}", err=True)
         return error.exit_code
     except (InputError, SetupError) as error:
         click.echo(f"softarm: {error}", err=True)

@@ -84,12 +84,11 @@ def command(
     from softarm.analysis.offline.resample import resample
     from softarm.analysis.offline.result import as_recording
     from softarm.analysis.plots.estimate import plot_track
-    from softarm.common.files import require_free
     from softarm.estimator.calibration import arrange
-    from softarm.recordings import save_recording
+    from softarm.recordings import output_file, save_recording
 
     if out is not None:
-        require_free(out, force=force or out.is_dir())
+        output_file(out, force=force)
     (loaded,) = load_recordings([recording], window)
     robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
     intake = taken_in(loaded, robot, say)

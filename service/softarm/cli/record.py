@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from softarm.cli.output import json_option, progress, say, show
-from softarm.cli.running_arm import arm_options, seconds_option
+from softarm.cli.running_arm import FileName, arm_options, seconds_option
 from softarm.cli.signals import ENDING, awaiting_signals
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Table
@@ -17,10 +17,16 @@ LOOK_S = 0.5
 
 @click.command()
 @arm_options
-@click.option("--name", default="recording", show_default=True, help="Name of the file, without suffix.")
+@click.option(
+    "--name",
+    type=FileName(),
+    default="recording",
+    show_default=True,
+    help="Name of the file, without suffix.",
+)
 @seconds_option("Length of the recording")
-@click.option("--start", "only", flag_value="start", help="Start a recording and return.")
-@click.option("--stop", "only", flag_value="stop", help="End the running recording and return.")
+@click.option("--start", is_flag=True, help="Start a recording and return.")
+@click.option("--stop", is_flag=True, help="End the running recording and return.")
 @json_option
 def command(
     arm: str,
@@ -28,7 +34,8 @@ def command(
     name: str,
     seconds: float | None,
     zenoh_config: Path | None,
-    only: str | None,
+    start: bool,
+    stop: bool,
     as_json: bool,
 ) -> None:
     """Record every stream of a running arm, on the service's host; Ctrl-C or --seconds ends it.
@@ -38,17 +45,19 @@ def command(
 
     Example: softarm record --arm sopra --seconds 60 --name pull
     """
+    if start + stop + (seconds is not None) > 1:
+        raise click.UsageError("give only one of --seconds, --start and --stop", click.get_current_context())
     with (
         awaiting_signals(),
         Arm(arm, endpoint, name="softarm record", zenoh_config=zenoh_config) as client,
     ):
-        if only != "stop":
+        if not stop:
             path = client.recordings.start(name).path
             say(f"recording to {path}")
-        if only == "start":
+        if start:
             show(Table("Recording", [{"file": path, "dropped": 0}]), as_json=as_json)
             return
-        if only is None:
+        if not stop:
             _wait(client, seconds)
         ended = client.recordings.stop()
     show(Table("Recording", [{"file": ended.path, "dropped": ended.dropped}]), as_json=as_json)

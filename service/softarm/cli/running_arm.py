@@ -1,5 +1,6 @@
 """Options and connection of the commands that talk to a running arm."""
 
+import re
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -11,6 +12,7 @@ import click
 from softarm.cli.output import PATH
 from softarm.common.errors import WorkFailedError
 from softarm_client import Arm
+from softarm_client.commands import FILE_NAME, LONGEST_NAME
 from softarm_client.session import DEFAULT_ENDPOINT
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -27,6 +29,18 @@ def arm_options(command: Command) -> Command:
     ):
         command = option(command)
     return command
+
+
+class FileName(click.ParamType):
+    """The name of a pose or of a recording, as the service takes it."""
+
+    name = "text"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        """Refuse a name that the service would refuse."""
+        if len(value) > LONGEST_NAME or not re.match(FILE_NAME, value):
+            self.fail(f"{value!r}: use 1 to {LONGEST_NAME} letters, digits and any of _.-", param, ctx)
+        return value
 
 
 def seconds_option(what: str) -> Callable[[Command], Command]:

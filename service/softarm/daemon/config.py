@@ -57,7 +57,7 @@ class Setup:
 
 
 class ConfigError(InputError):
-    """Every error of a configuration, one per line.
+    """Every error of a configuration, numbered, in one line.
 
     Args:
         path: The file.
@@ -65,9 +65,9 @@ class ConfigError(InputError):
     """
 
     def __init__(self, path: Path, lines: list[str]) -> None:
-        listed = "".join(f"\n  {line}" for line in lines)
-        count = "1 error" if len(lines) == 1 else f"{len(lines)} errors"
-        super().__init__(str(path), count, f"correct the file:{listed}")
+        listed = "; ".join(f"({number}) {line}" for number, line in enumerate(lines, 1))
+        one = len(lines) == 1
+        super().__init__(str(path), lines[0] if one else listed, "correct it" if one else "correct them all")
         self.lines = lines
 
 
@@ -105,9 +105,13 @@ def load_config(path: Path) -> Setup:
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text()
+        return path.read_text("utf-8")
     except OSError as error:
         raise InputError(str(path), f"cannot be read ({error.strerror})", "check the path") from error
+    except UnicodeDecodeError as error:
+        raise InputError(
+            str(path), f"cannot be read ({error.reason})", "give a TOML file in UTF-8"
+        ) from error
 
 
 def _validated(document: Mapping[str, Any], errors: list[str]) -> ServiceConfig | None:

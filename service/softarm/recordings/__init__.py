@@ -4,6 +4,6 @@
 """
 
 from softarm.recordings.events import load_events
-from softarm.recordings.load import load_recording, read_attachments, save_recording
+from softarm.recordings.load import load_recording, output_file, read_attachments, save_recording
 
-__all__ = ["load_events", "load_recording", "read_attachments", "save_recording"]
+__all__ = ["load_events", "load_recording", "output_file", "read_attachments", "save_recording"]

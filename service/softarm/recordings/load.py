@@ -53,6 +53,20 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
     return checked_recording(name, source, columns, info, units_checked=units_checked)
 
 
+def output_file(path: Path, *, force: bool) -> Path:
+    """Return the file that `save_recording` writes for a path, and refuse what it would refuse.
+
+    Raises:
+        InputError: The format is not one that is written, the path exists, or its folder cannot be written.
+    """
+    if path.is_dir() or not path.suffix:
+        path = path / f"{STEM}.csv"
+    if path.suffix not in WRITTEN:
+        raise InputError(str(path), f"{path.suffix} is not written", f"end the path in {', '.join(WRITTEN)}")
+    require_free(path, force=force)
+    return path
+
+
 def save_recording(
     recording: Recording, path: Path, *, force: bool = False, attachments: Mapping[str, bytes] | None = None
 ) -> tuple[Path, ...]:
@@ -71,11 +85,7 @@ def save_recording(
     Raises:
         InputError: The format is not one that is written, or the path exists.
     """
-    if path.is_dir() or not path.suffix:
-        path = path / f"{STEM}.csv"
-    if path.suffix not in WRITTEN:
-        raise InputError(str(path), f"{path.suffix} is not written", f"end the path in {', '.join(WRITTEN)}")
-    require_free(path, force=force)
+    path = output_file(path, force=force)
     if path.suffix == ".mcap":
         with whole_files(path) as (draft,), draft.open("wb") as file:
             write_recording(recording, file, attachments)

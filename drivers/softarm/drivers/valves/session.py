@@ -210,7 +210,7 @@ class BankSession:
         self._outputs.vent(reason)
 
     def _check_taken(self, refusal: ModbusExceptionError) -> None:
-        """Give the connection up where the terminal stays busy: its watchdog then vents, which nobody else can.
+        """Give up the connection of a terminal that stays busy: only its watchdog can vent then.
 
         Raises:
             ConnectionLost: It has taken no set-point for the time of a watchdog.

@@ -106,4 +106,5 @@ def _read(path: Path) -> str:
         cure = suggest(str(path), SHIPPED, f"give a TOML file or one of {', '.join(SHIPPED)}", cutoff=0.6)
         raise InputError(str(path), "no such specimen", cure) from None
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"cannot read: {error}", "give a readable TOML file in UTF-8") from None
+        reason = error.strerror if isinstance(error, OSError) else error.reason
+        raise InputError(str(path), f"cannot be read ({reason})", "give a TOML file in UTF-8") from None
