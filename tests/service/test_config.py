@@ -52,7 +52,7 @@ def test_every_mistake_is_told_at_once_with_its_place(tmp_path: Path) -> None:
 def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "arm.toml"
     path.write_bytes(b"\xff\xfe")
-    with pytest.raises(InputError, match=r"cannot be read \(invalid start byte\); give a TOML file in UTF-8"):
+    with pytest.raises(InputError, match=r"cannot be read \(invalid start byte\); write it in UTF-8"):
         load_config(path)
 
 

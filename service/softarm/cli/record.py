@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from softarm.cli.output import json_option, progress, say, show
-from softarm.cli.running_arm import FileName, arm_options, seconds_option
+from softarm.cli.running_arm import arm_options, file_name, seconds_option
 from softarm.cli.signals import ENDING, awaiting_signals
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Table
@@ -19,7 +19,7 @@ LOOK_S = 0.5
 @arm_options
 @click.option(
     "--name",
-    type=FileName(),
+    type=file_name,
     default="recording",
     show_default=True,
     help="Name of the file, without suffix.",

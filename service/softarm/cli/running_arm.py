@@ -31,16 +31,15 @@ def arm_options(command: Command) -> Command:
     return command
 
 
-class FileName(click.ParamType):
-    """The name of a pose or of a recording, as the service takes it."""
+def file_name(value: str) -> str:
+    """Return the name of a pose or of a recording, as the type of an option or argument.
 
-    name = "text"
-
-    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Refuse a name that the service would refuse."""
-        if len(value) > LONGEST_NAME or not re.match(FILE_NAME, value):
-            self.fail(f"{value!r}: use 1 to {LONGEST_NAME} letters, digits and any of _.-", param, ctx)
-        return value
+    Raises:
+        BadParameter: The service would refuse it.
+    """
+    if len(value) > LONGEST_NAME or not re.match(FILE_NAME, value):
+        raise click.BadParameter(f"{value!r}: use 1 to {LONGEST_NAME} letters, digits and any of _.-")
+    return value
 
 
 def seconds_option(what: str) -> Callable[[Command], Command]:

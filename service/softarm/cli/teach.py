@@ -6,7 +6,7 @@ from pathlib import Path
 import click
 
 from softarm.cli.output import json_option, say, show
-from softarm.cli.running_arm import FileName, arm_options, hold, leased, seconds_option
+from softarm.cli.running_arm import arm_options, file_name, hold, leased, seconds_option
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
 from softarm_client import Arm
@@ -26,7 +26,7 @@ def command() -> None:
 
 @command.command("save")
 @arm_options
-@click.argument("names", nargs=-1, required=True, type=FileName(), metavar="NAME...")
+@click.argument("names", nargs=-1, required=True, type=file_name, metavar="NAME...")
 @json_option
 def save(arm: str, endpoint: str, zenoh_config: Path | None, names: tuple[str, ...], as_json: bool) -> int:
     """Bring the arm by hand into one pose after the other, and save each with the pressures that hold it.
