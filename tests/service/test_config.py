@@ -1,5 +1,6 @@
 """A configuration tells all of its errors at once, each with its place."""
 
+import shutil
 from pathlib import Path
 
 import pytest
@@ -7,6 +8,7 @@ import pytest
 from softarm.daemon.config import ConfigError, load_config
 from softarm.estimator.errors import InputError
 
+SHIPPED = Path(__file__).parents[2] / "deploy" / "config" / "sopra.toml"
 WRONG = """
 arm = "my arm"
 specimen = "sopra"
@@ -47,6 +49,14 @@ def test_every_mistake_is_told_at_once_with_its_place(tmp_path: Path) -> None:
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(f"{path}: (1) ")
     assert str(caught.value).endswith("; correct them all")
+
+
+def test_recordings_are_named_by_whole_paths(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.copy(SHIPPED, tmp_path / "arm.toml")
+    monkeypatch.chdir(tmp_path)
+    config = load_config(Path("arm.toml")).config
+    assert config.recording_directory == tmp_path / "recordings"
+    assert config.state_directory == tmp_path / "state"
 
 
 def test_a_file_that_is_no_text_is_refused(tmp_path: Path) -> None:

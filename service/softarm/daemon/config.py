@@ -96,7 +96,7 @@ def load_config(path: Path) -> Setup:
     specimen = _specimen(document, path.parent, errors)
     errors += _inconsistencies(document, specimen)
     if config is not None and specimen is not None:
-        config = _rooted(config, path.parent)
+        config = _rooted(config, path.absolute().parent)
         errors += misfits(config, specimen, devices)
     if errors or config is None or specimen is None:
         raise ConfigError(path, errors)
@@ -109,9 +109,7 @@ def _read(path: Path) -> str:
     except OSError as error:
         raise InputError(str(path), f"cannot be read ({error.strerror})", "check the path") from error
     except UnicodeDecodeError as error:
-        raise InputError(
-            str(path), f"cannot be read ({error.reason})", "give a TOML file in UTF-8"
-        ) from error
+        raise InputError(str(path), f"cannot be read ({error.reason})", "write it in UTF-8") from error
 
 
 def _validated(document: Mapping[str, Any], errors: list[str]) -> ServiceConfig | None:
