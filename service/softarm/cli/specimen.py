@@ -1,8 +1,10 @@
 """``softarm specimen``: write the specimen of an arm from its measures."""
 
+import math
+import re
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
@@ -63,9 +65,48 @@ def new(out: Path, force: bool, as_json: bool) -> int:
     return 0
 
 
-def _number(text: str, default: float, unit: str, factor: float) -> float:
-    positive = click.FloatRange(min=0.0, min_open=True)
-    return factor * float(click.prompt(f"{text} [{unit}]", default=default, type=positive, err=True))
+class Quantity(NamedTuple):
+    """What a measure may be: far more than soft arms need, but neither metres nor kilograms."""
+
+    unit: str
+    si: float
+    least: float
+    most: float
+
+    def read(self, answer: str) -> float:
+        """Read an answer, and return it in SI units.
+
+        Raises:
+            UsageError: It is no number that such a measure can have.
+        """
+        try:
+            value = float(answer)
+        except ValueError:
+            value = math.nan
+        if not self.least <= value <= self.most:
+            span = f"{self.least:g} to {self.most:g} {self.unit}"
+            raise click.UsageError(f"{answer!r} is no number from {span}")
+        return self.si * value
+
+
+LENGTH = Quantity("mm", 1e-3, 0.2, 2000.0)
+MASS = Quantity("g", 1e-3, 0.2, 50_000.0)
+MODULUS = Quantity("kPa", 1e3, 1.0, 1e7)
+DENSITY = Quantity("kg/m3", 1.0, 50.0, 5000.0)
+PRESSURE = Quantity("kPa", 1e3, 0.1, 1000.0)
+
+
+def _number(text: str, default: float, quantity: Quantity) -> float:
+    label = f"{text} [{quantity.unit}]"
+    return float(click.prompt(label, default=str(default), value_proc=quantity.read, err=True))
+
+
+def _name(answer: str) -> str:
+    from softarm.estimator.specimen.entry import NAME
+
+    if not re.match(NAME, answer):
+        raise click.UsageError(f"{answer!r} is no name: use letters, digits and _, a letter first")
+    return answer
 
 
 def _ask() -> "ArmMeasures":
@@ -73,10 +114,10 @@ def _ask() -> "ArmMeasures":
     from softarm.estimator.specimen.measures import ArmMeasures, SegmentMeasures, names_of
 
     say("Measures of the arm; Enter takes the value in brackets.")
-    name = click.prompt("Name of the arm", default="my_arm", err=True)
+    name = click.prompt("Name of the arm", default="my_arm", value_proc=_name, err=True)
     shape = click.prompt("Shape", default="lobes", type=click.Choice(("lobes", "cylinder")), err=True)
     count = click.prompt("Number of soft segments", default=2, type=click.IntRange(1, 6), err=True)
-    base_m = _number("Length of the rigid base", 10.0, "mm", 1e-3)
+    base_m = _number("Length of the rigid base", 10.0, LENGTH)
     segment_names, section_names = names_of(count)
     segments = []
     for k, segment in enumerate(segment_names):
@@ -84,10 +125,10 @@ def _ask() -> "ArmMeasures":
         last = k == count - 1
         segments.append(
             SegmentMeasures(
-                _number(f"Length of the soft segment {segment}", 120.0, "mm", 1e-3),
-                _number(f"Mass of {segment}", 82.0 if last and count > 1 else 160.0, "g", 1e-3),
-                _number(f"Length of the rigid section {below}", 5.0 if last else 21.0, "mm", 1e-3),
-                _number(f"Mass of the section {below}", 23.0 if last else 20.0, "g", 1e-3),
+                _number(f"Length of the soft segment {segment}", 120.0, LENGTH),
+                _number(f"Mass of {segment}", 82.0 if last and count > 1 else 160.0, MASS),
+                _number(f"Length of the rigid section {below}", 5.0 if last else 21.0, LENGTH),
+                _number(f"Mass of the section {below}", 23.0 if last else 20.0, MASS),
             )
         )
     return ArmMeasures(
@@ -95,10 +136,10 @@ def _ask() -> "ArmMeasures":
         base_m,
         tuple(segments),
         _ask_lobes(segment_names) if shape == "lobes" else _ask_cylinder(),
-        _number("Young's modulus of the soft silicone (Shore 10A: 264)", 264.0, "kPa", 1e3),
-        _number("Young's modulus of the rigid sections (Shore 30A: 1140)", 1140.0, "kPa", 1e3),
-        _number("Density of the silicone", 1070.0, "kg/m3", 1.0),
-        _number("Largest gauge pressure of a chamber", 65.0, "kPa", 1e3),
+        _number("Young's modulus of the soft silicone (Shore 10A: 264)", 264.0, MODULUS),
+        _number("Young's modulus of the rigid sections (Shore 30A: 1140)", 1140.0, MODULUS),
+        _number("Density of the silicone", 1070.0, DENSITY),
+        _number("Largest gauge pressure of a chamber", 65.0, PRESSURE),
         click.confirm("Are the chambers wound with fibres?", default=True, err=True),
     )
 
@@ -107,13 +148,11 @@ def _ask_lobes(segments: "Sequence[str]") -> "LobeMeasures":
     from softarm.estimator.specimen.measures import LobeMeasures
 
     ends = [f"Radius of a lobe at the lower end of {segment}" for segment in segments]
-    radii = [_number("Radius of a lobe at the base", 17.5, "mm", 1e-3)]
-    radii += [_number(text, 14.0, "mm", 1e-3) for text in ends[:-1]]
-    radii += [_number(ends[-1], 9.9, "mm", 1e-3)]
-    wall = _number("Thickness of the walls around a chamber", 2.0, "mm", 1e-3)
-    return LobeMeasures(
-        tuple(radii), wall, _number("Thickness between a chamber and the core", 2.0, "mm", 1e-3)
-    )
+    radii = [_number("Radius of a lobe at the base", 17.5, LENGTH)]
+    radii += [_number(text, 14.0, LENGTH) for text in ends[:-1]]
+    radii += [_number(ends[-1], 9.9, LENGTH)]
+    wall = _number("Thickness of the walls around a chamber", 2.0, LENGTH)
+    return LobeMeasures(tuple(radii), wall, _number("Thickness between a chamber and the core", 2.0, LENGTH))
 
 
 def _ask_cylinder() -> "CylinderMeasures":
@@ -124,7 +163,7 @@ def _ask_cylinder() -> "CylinderMeasures":
     )
     return CylinderMeasures(
         chambers,
-        _number("Outer radius", 18.0, "mm", 1e-3),
-        _number("Thickness of the outer wall and of those between chambers", 2.5, "mm", 1e-3),
-        _number("Radius of the core between the chambers", 6.0, "mm", 1e-3),
+        _number("Outer radius", 18.0, LENGTH),
+        _number("Thickness of the outer wall and of those between chambers", 2.5, LENGTH),
+        _number("Radius of the core between the chambers", 6.0, LENGTH),
     )

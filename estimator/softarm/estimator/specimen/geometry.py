@@ -93,8 +93,8 @@ class Cylinder(Entry):
     def _room(self) -> Self:
         inside = self.outer_radius_m - self.wall_m
         if not 0.5 * self.wall_m < self.core_radius_m < inside:
-            between = f"{0.5 * self.wall_m} m (half the wall) and {inside} m (inner radius)"
-            raise _misfit(f"core radius {self.core_radius_m} m is not between {between}", ROOM)
+            between = f"{0.5 * self.wall_m:g} m (half the wall) and {inside:g} m (inner radius)"
+            raise _misfit(f"core radius {self.core_radius_m:g} m is not between {between}", ROOM)
         return self
 
 
