@@ -101,3 +101,31 @@ def test_wrong_use_names_the_help_to_read(capsys: pytest.CaptureFixture[str]) ->
     assert "--discover ADDRESS. See softarm doctor --help." in capsys.readouterr().err
     assert cli.run(["status"]) == 2
     assert "See softarm status --help." in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["diagnose", "run", "--out", "file"],
+        ["plot", "run", "--out", "file"],
+        ["estimate", "run", "--plots", "file"],
+        ["demo", "--out", "file"],
+        ["experiment", "force", "--fake", "--out", "file"],
+        ["excite", "--fake", "--out", "file"],
+        ["excite", "--dry-run", "--plot", "file/plan.png"],
+        ["bench", "diagnosis", "--trials", ".", "--out", "file"],
+        ["check", "sopra", "--plot", "folder"],
+    ],
+)
+def test_a_place_for_outputs_that_is_taken_is_named_in_one_line(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file").touch()
+    (tmp_path / "folder").mkdir()
+    assert cli.run(words) == 2
+    said = capsys.readouterr().err.splitlines()[-1]
+    assert said.startswith("softarm: ")
+    assert "file" in said or "folder" in said
+    assert "internal error" not in said
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder"]

@@ -10,7 +10,7 @@ from softarm.bench.trials.page import from_source, write_page
 from softarm.bench.trials.run import run_trials
 from softarm.bench.trials.score import score
 from softarm.bench.trials.tables import score_tables
-from softarm.cli.output import PATH, json_option, out_option, progress, say, show
+from softarm.cli.output import PATH, folder_option, json_option, progress, say, show
 from softarm.common.tables import Cell, Table
 
 HEAD = "# Blind trials of the diagnosis\n\nWritten by `softarm bench diagnosis --write`."
@@ -34,7 +34,7 @@ jobs_option = click.option(
     help="Folder of trials: NAME/trial.toml, NAME/nominal/RUN, NAME/questioned/RUN.",
 )
 @click.option("--answers", type=PATH, help="Folder of answers, NAME.toml, to score against.")
-@out_option("Folder of reports and outcomes; an interrupted run resumes from it.", "out/trials")
+@folder_option("Folder of reports and outcomes; an interrupted run resumes from it.", "out/trials")
 @jobs_option
 @click.option("--source", help="Where the trials come from, added to the titles of the tables.")
 @click.option("--write", type=PATH, help="Write the scores to a page in Markdown; its other tables stay.")

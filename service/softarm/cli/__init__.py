@@ -135,6 +135,11 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except (ClientError, WorkFailedError) as error:
         click.echo(f"softarm: {error}", err=True)
         return 1
+    except (FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError) as error:
+        if error.filename is None or os.environ.get(TRACEBACK):
+            raise
+        click.echo(f"softarm: {error.filename}: {error.strerror}; give a path that can be used", err=True)
+        return 2
     except (click.Abort, KeyboardInterrupt):
         click.echo("softarm: interrupted", err=True)
         return INTERRUPTED

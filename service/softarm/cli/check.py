@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import PATH, json_option, say, show
+from softarm.cli.output import PICTURE, json_option, say, show
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import Setup, load_config
 from softarm.estimator.errors import InputError
@@ -19,7 +19,7 @@ CONFIGURATION = ("specimen", "devices", "sensors", "network", "control", "safety
 
 @click.command()
 @click.argument("file")
-@click.option("--plot", type=PATH, help="Draw the arm that the file describes (PNG).")
+@click.option("--plot", type=PICTURE, help="Draw the arm that the file describes (PNG).")
 @json_option
 def command(file: str, plot: Path | None, as_json: bool) -> int:
     """Check a specimen or a service's configuration, and list and draw what it describes.

@@ -7,9 +7,9 @@ import click
 
 from softarm.cli.output import (
     PATH,
+    folder_option,
     force_option,
     json_option,
-    out_option,
     progress,
     recordings_argument,
     say,
@@ -79,7 +79,7 @@ class NominalCommand(click.Command):
     metavar="RECORDING...",
     help="Recordings of the arm in its known state; only differences from them are reported.",
 )
-@out_option("Folder for report.json, report.html and what softarm page --diagnosis shows.")
+@folder_option("Folder for report.json, report.html and what softarm page --diagnosis shows.")
 @click.option(
     "--write-specimen",
     type=PATH,

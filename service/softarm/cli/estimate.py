@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from softarm.cli.output import (
-    PATH,
+    FOLDER,
     force_option,
     json_option,
     out_option,
@@ -36,7 +36,7 @@ NAMES = {"fem": "finite elements", "rod": "calibrated rod"}
 @recording_argument
 @specimen_option
 @out_option("File or folder for the estimates: .mcap, .csv, .parquet or a folder.")
-@click.option("--plots", type=PATH, help="Folder for the plots; by default plots/NAME.")
+@click.option("--plots", type=FOLDER, help="Folder for the plots; by default plots/NAME.")
 @click.option(
     "--rate",
     type=click.FloatRange(min=0.0, min_open=True),

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from softarm.cli.output import PATH, json_option, out_option, progress, say, show, specimen_option
+from softarm.cli.output import (
+    PATH,
+    PICTURE,
+    folder_option,
+    json_option,
+    progress,
+    say,
+    show,
+    specimen_option,
+)
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Cell, Table
 from softarm_client.session import DEFAULT_ENDPOINT
@@ -43,8 +52,8 @@ if TYPE_CHECKING:
 )
 @click.option("--minutes", type=click.FloatRange(min=0.1), help="Leave out manoeuvres that would end later.")
 @click.option("--dry-run", is_flag=True, help="Print the plan and move nothing.")
-@click.option("--plot", type=PATH, help="Write a picture of the planned pressures.")
-@out_option("With --fake: folder of the service's configuration, logs and recordings.", "out/excite")
+@click.option("--plot", type=PICTURE, help="Write a picture of the planned pressures.")
+@folder_option("With --fake: folder of the service's configuration, logs and recordings.", "out/excite")
 @specimen_option
 @json_option
 def command(

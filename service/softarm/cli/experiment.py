@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from softarm.cli.output import PATH, force_option, json_option, out_option, progress, say, show
+from softarm.cli.output import PATH, folder_option, force_option, json_option, progress, say, show
 from softarm.common.tables import as_markdown
 
 if TYPE_CHECKING:
@@ -57,7 +57,9 @@ def _common(command: Command) -> Command:
         click.option(
             "--resume", is_flag=True, help="With --recorded: reuse the results that --out already holds."
         ),
-        out_option("Folder for recordings, plots, tables and the calibrated specimens.", "out/experiments"),
+        folder_option(
+            "Folder for recordings, plots, tables and the calibrated specimens.", "out/experiments"
+        ),
         json_option,
     ):
         command = option(command)

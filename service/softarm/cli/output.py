@@ -18,6 +18,10 @@ from softarm.common.tables import Cell, Table, heading, text
 Command = TypeVar("Command", bound=Callable[..., Any])
 PATH = click.Path(path_type=Path)
 """Type of an option that is a path."""
+FOLDER = click.Path(path_type=Path, file_okay=False)
+"""Type of an option that is a folder to write into."""
+PICTURE = click.Path(path_type=Path, dir_okay=False)
+"""Type of an option that is a picture to write."""
 LINE_EVERY_S = 10.0
 """Time between two lines of progress where stderr is no terminal."""
 LEAST_SHARE = 0.02
@@ -153,7 +157,12 @@ def recordings_argument(command: Command) -> Command:
     return click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=PATH)(command)
 
 
-def out_option(help_text: str, default: str | None = None) -> Callable[[Command], Command]:
+def out_option(help_text: str) -> Callable[[Command], Command]:
     """Add ``--out``, passed as ``out``."""
+    return click.option("--out", "-o", type=PATH, help=help_text)
+
+
+def folder_option(help_text: str, default: str | None = None) -> Callable[[Command], Command]:
+    """Add ``--out`` that is a folder, passed as ``out``."""
     shown = default is not None
-    return click.option("--out", "-o", type=PATH, default=default, show_default=shown, help=help_text)
+    return click.option("--out", "-o", type=FOLDER, default=default, show_default=shown, help=help_text)

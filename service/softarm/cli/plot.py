@@ -4,13 +4,13 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import json_option, out_option, progress, recording_argument, say, show
+from softarm.cli.output import folder_option, json_option, progress, recording_argument, say, show
 from softarm.common.tables import Table
 
 
 @click.command()
 @recording_argument
-@out_option("Folder for the PNG files; by default plots/NAME.")
+@folder_option("Folder for the PNG files; by default plots/NAME.")
 @json_option
 def command(recording: Path, out: Path | None, as_json: bool) -> None:
     """Plot a recording: all streams over time, spectra of the motion, paths in space.
