@@ -7,6 +7,7 @@ import pytest
 from synthetic import GAINS, SCALES, record, record_pulls, true_specimen
 from toy import toy
 
+from softarm.estimator.arm import build_arm
 from softarm.estimator.calibration import (
     Calibrated,
     CalibrationRefusedError,
@@ -25,7 +26,8 @@ from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.calibration.pulls import known_pulls
 from softarm.estimator.calibration.regression import estimate_lag
 from softarm.estimator.calibration.setting import Setting, gravity_axes
-from softarm.estimator.calibration.unknowns import by_azimuth
+from softarm.estimator.calibration.unknowns import Modulus, by_azimuth
+from softarm.estimator.calibration.unpulled import unpulled_errors
 from softarm.estimator.calibration.warm_start import nearest_states
 from softarm.estimator.errors import InputError
 from softarm.estimator.node_by_node import NodeByNode
@@ -82,6 +84,36 @@ def test_forces_are_judged_by_pulls_that_the_fit_has_not_seen(sopra: Specimen) -
     """Of two unlike pulls, blocks that are held out err by half of the difference, an unseen pull by all."""
     found = calibrated_by_pulls(sopra, record_pulls((1.0, 1.1), 60.0), record(20.0, noise=1e-3))
     assert found.force_ratio["vented pulls on tip"] == pytest.approx(2.0, rel=0.25)
+
+
+def test_a_force_where_nobody_pulled_is_as_uncertain_as_the_modulus_above_it(sopra: Specimen) -> None:
+    found = calibrated_by_pulls(sopra, record_pulls((1.0, 1.1), 60.0), record(20.0, noise=1e-3))
+    modulus = found.value("modulus.upper")
+    assert modulus is not None
+    assert found.force_error == {"intermediate": pytest.approx(modulus.std / modulus.value, rel=0.3)}
+    assert calibrated_specimen(sopra, found).calibration.force_error == found.force_error
+
+
+def test_sections_that_may_be_softer_than_drawn_make_a_force_on_them_less_certain(
+    sopra: Specimen, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A pull on the tip bends the section between the segments, a force on that section does not."""
+    loads = section_forces(sopra)
+    elements = NodeByNode(build_arm(sopra, loads=loads))
+    nodes = choose_nodes(arrange(record_pulls((1.0,), 30.0), sopra, SECTIONS, loads), 8)
+    layout = build_layout(
+        sopra, nodes.run.suite, nodes.run.pressure_source, range(6), elements.regions, True, SECTIONS
+    )
+    layout = layout.without({u.name for u in layout.unknowns if not isinstance(u, Modulus)})
+    setting = layout.setting(layout.means)
+    frames = Forward(elements, layout, (nodes,)).predict(setting, nodes).response.frames
+    exact = replace(nodes, readings=setting.aligned(nodes.run.suite).predict(frames))
+    forward = Forward(elements, layout, (exact,))
+    solution = fit(forward, layout.means, iterations=1)
+    (open_sections,) = unpulled_errors(forward, solution, {}).values()
+    monkeypatch.setattr("softarm.estimator.calibration.unpulled.MODULUS_SPREAD", 1e-6)
+    (drawn_sections,) = unpulled_errors(forward, solution, {}).values()
+    assert 2.0 * drawn_sections < open_sections < 0.05
 
 
 def test_held_out_blocks_are_predicted_as_well_as_by_a_line_with_more_parameters(sopra: Specimen) -> None:

@@ -23,14 +23,14 @@ def touched(arm, height, force, suite):
     return suite.predict(model.frames(model.solve(inputs, model.rest())[0]))
 
 
-def place(arm, suite, readings):
+def place(arm, suite, readings, profile=PROFILE):
     unknowns = Unknowns.of(arm.chambers, arm.loads)
     prior = independent_prior(unknowns, 1.0)
     problem = forces_problem(unknowns, suite, readings, PRESSURES, SIGMA, prior, GRAVITY)
     inputs = Inputs(PRESSURES, np.zeros(4), GRAVITY)
     estimate = problem.solve(arm, (arm.solve(inputs, arm.rest())[0], inputs))
-    pushed = arm.with_loads((*arm.loads, *PROFILE.loads))
-    return PROFILE.place(pushed, estimate.state, suite, readings, estimate, np.zeros(4))
+    pushed = arm.with_loads((*arm.loads, *profile.loads))
+    return profile.place(pushed, estimate.state, suite, readings, estimate, np.zeros(4))
 
 
 @pytest.mark.parametrize("height", [0.15, 0.2, 0.25])
@@ -42,6 +42,18 @@ def test_a_push_is_placed_within_what_it_says(arm, height, force):
     assert found.height == pytest.approx(height, abs=0.008)  # the toy bends in four joints only
     assert found.deviation < 0.02
     np.testing.assert_allclose(found.force, force, atol=0.02)
+
+
+@pytest.mark.parametrize("height", [0.15, 0.2])
+@pytest.mark.parametrize("share", [-0.05, 0.05])
+def test_an_arm_that_shears_unlike_the_model_is_placed_within_what_it_says(arm, height, share):
+    profile = ContactProfile(PROFILE.heights)
+    rest, pushed = (touched(arm, height, force, POSES) for force in ((0.0, 0.0), (0.2, -0.1)))
+    positions = np.isin(np.arange(len(rest)) % 7, range(3))
+    pushed[positions] += share * (pushed - rest)[positions]
+    found = place(arm, POSES, pushed, profile)
+    assert abs(found.height - height) < 2.0 * found.deviation
+    assert found.deviation < 0.01
 
 
 def test_a_faint_push_is_not_placed(arm):

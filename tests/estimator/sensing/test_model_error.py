@@ -39,6 +39,9 @@ def test_a_section_that_nobody_pulled_is_not_known_better_than_its_readings() ->
     assert error.pressurised.force_ratio("intermediate") == 1.5
     assert ModelError().vented.force_ratio(None) == 1.0
     assert error.vented.relative_error("intermediate") > error.vented.relative_error("tip") == 0.0
+    known = ModelError.of({}, {"vented pulls on tip": 0.7}, {"intermediate": 0.012})
+    assert known.vented.relative_error("intermediate") == 0.012
+    assert known.vented.relative_error("tip") == 0.0
 
 
 @pytest.mark.parametrize(

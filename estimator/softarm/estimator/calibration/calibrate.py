@@ -143,6 +143,7 @@ def calibrate(
         recordings=tuple(run.name for run in runs),
         scatter=scatter,
         force_ratio=ratios | pulled.force_ratios(scatter),
+        force_error=pulled.unpulled_errors(scatter),
     )
 
 

@@ -1,7 +1,7 @@
 """The unknowns of a calibration for what was recorded, and their prior."""
 
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -126,6 +126,15 @@ class Layout:
             self.combinations[:, ~out],
             self.combination_means - self.combinations[:, out] @ self.means[out],
             self.combination_spreads,
+        )
+
+    def extended(self, unknowns: Sequence[Unknown]) -> "Layout":
+        """Add unknowns that no combination contains."""
+        empty = np.zeros((len(self.combinations), len(unknowns)))
+        return replace(
+            self,
+            unknowns=(*self.unknowns, *unknowns),
+            combinations=np.hstack([self.combinations, empty]),
         )
 
     def prior_rows(self, values: Floats) -> tuple[Floats, Floats]:

@@ -59,6 +59,7 @@ class Calibrated:
             had seen it.
         force_ratio: Error over deviation of the forces that follow from the readings at known pulls, each
             pull by the fit to all others; by condition.
+        force_error: Relative error of forces on sections that nobody pulled, by what the moduli may be off.
     """
 
     identified: tuple[Identified, ...]
@@ -71,6 +72,7 @@ class Calibrated:
     recordings: tuple[str, ...]
     scatter: Mapping[str, float]
     force_ratio: Mapping[str, float]
+    force_error: Mapping[str, float]
 
     @property
     def fitted(self) -> int:
@@ -108,6 +110,7 @@ def calibrated_specimen(specimen: Specimen, calibrated: Calibrated, provenance: 
             "provenance": provenance or old.provenance,
             "scatter": dict(calibrated.scatter),
             "force_ratio": dict(calibrated.force_ratio),
+            "force_error": dict(calibrated.force_error),
             "modulus_scale": scales,
             "stretch_gain": calibrated.value("stretch") or old.stretch_gain,
             "chambers": tuple(_chamber(specimen, c.index, calibrated) for c in specimen.chambers),

@@ -18,6 +18,7 @@ from softarm.estimator.calibration.layout import Layout
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.unknowns import Modulus, PressureUnknown
+from softarm.estimator.calibration.unpulled import unpulled_errors
 from softarm.estimator.sensing.model_error import vented
 
 FEWEST_PULLS = 5  # nodes at which a known force must act before the moduli are fitted to them
@@ -62,6 +63,10 @@ class PulledModuli:
         forward, solution = self.fitted
         unseen = left_out(forward, solution)
         return force_ratios(forward.layout.setting(solution.values), unseen, forward.nodes, scatter)
+
+    def unpulled_errors(self, scatter: Mapping[str, float]) -> dict[str, float]:
+        """Return the relative error of forces on sections that nobody pulled; see ``unpulled_errors``."""
+        return {} if self.fitted is None else unpulled_errors(*self.fitted, scatter)
 
     def widened(self, layout: Layout, covariance: Floats) -> Floats:
         """Return a covariance in which the moduli are no better known than from the pulls."""

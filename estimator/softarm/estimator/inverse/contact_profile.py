@@ -9,6 +9,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.estimate import ArmEstimate
 from softarm.estimator.model import ArmModel, Inputs, Linearisation, Load
 from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.sensing.model_error import UNPULLED_ERROR
 
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
@@ -21,12 +22,6 @@ CHI_SQUARE_95 = 3.841
 """95th percentile of chi-square with one degree of freedom."""
 INTERVAL_95 = 3.92
 """Width of a 95 % interval in standard deviations."""
-FORM_SHARE = 0.3
-"""Error of a model's answer to a push where no calibration has pulled.
-
-A slender continuum that shears and a chain that does not differ by 5 % in shift over turn, which looks like
-20 mm of height in the middle of an arm; this share makes that little more than a standard deviation.
-"""
 
 
 @dataclass(frozen=True)
@@ -60,13 +55,14 @@ class ContactProfile:
         heights: Candidate rest distances from the base [m], rising, shape (candidates,).
         force_sigma: Standard deviation assumed for each component of the push [N].
         passes: Number of linearisations.
-        form_share: Error of the model's answer to a push, as a share of that answer in each reading.
+        form_share: Error of the model's answer to a push where no calibration has pulled, as a share of that
+            answer in each reading: shear that was taken for bending looks like another height.
     """
 
     heights: Floats
     force_sigma: float = 2.0
     passes: int = 2
-    form_share: float = FORM_SHARE
+    form_share: float = UNPULLED_ERROR
 
     @property
     def loads(self) -> tuple[Load, ...]:

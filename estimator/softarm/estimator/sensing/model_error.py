@@ -20,7 +20,7 @@ PRESSURISED_PULLS = "pressurised pulls"
 ON = " on "
 """Between condition and section in the force ratios of a calibration, as in ``vented pulls on tip``."""
 UNPULLED_ERROR = 0.05
-"""Relative error of a force on a section that no calibration pulled.
+"""Relative error of a force on a section that no calibration pulled and of which none states the error.
 
 A calibration by pulls at the tip takes shear for bending; half way up that is wrong. Of the deflection of an
 incompressible round cantilever of diameter d and length L, 0.625 (d / L)^2 is shear (S. P. Timoshenko, Phil.
@@ -38,10 +38,12 @@ class Condition:
         force_ratios: By section, root mean square of the error of an estimated force over the deviation that
             follows from the scatter: readings that err together, as a model's errors make them, do not err
             independently.
+        relative_errors: Of forces, by section that nobody pulled.
     """
 
     scatter: Mapping[str, float] = field(default_factory=dict)
     force_ratios: Mapping[str, float] = field(default_factory=dict)
+    relative_errors: Mapping[str, float] = field(default_factory=dict)
 
     def force_ratio(self, section: str | None) -> float:
         """Return the ratio on a section; the largest known, and no less than 1, where nobody has pulled."""
@@ -49,7 +51,9 @@ class Condition:
 
     def relative_error(self, section: str | None) -> float:
         """Return the relative error of a force on a section: none beside the scatter where it was pulled."""
-        return 0.0 if section in self.force_ratios else UNPULLED_ERROR
+        if section in self.force_ratios:
+            return 0.0
+        return self.relative_errors.get(section or "", UNPULLED_ERROR)
 
 
 @dataclass(frozen=True)
@@ -67,12 +71,18 @@ class ModelError:
     pressurised: Condition = field(default_factory=Condition)
 
     @classmethod
-    def of(cls, scatter: Mapping[str, float], force_ratio: Mapping[str, float] | None = None) -> "ModelError":
+    def of(
+        cls,
+        scatter: Mapping[str, float],
+        force_ratio: Mapping[str, float] | None = None,
+        force_error: Mapping[str, float] | None = None,
+    ) -> "ModelError":
         """Sort what a calibration measured by condition; scatter without forces stands in for the rest.
 
         Args:
             scatter: By sensor, quantity and condition [m or rad].
             force_ratio: By condition and section, such as ``vented pulls on tip``.
+            force_error: Relative error of forces, by section that nobody pulled.
         """
         plain = {name: value for name, value in scatter.items() if ", " not in name}
 
@@ -81,7 +91,7 @@ class ModelError:
             pulled = {n.removesuffix(ending): value for n, value in scatter.items() if n.endswith(ending)}
             start = f"{condition}{ON}"
             ratios = {n.removeprefix(start): v for n, v in (force_ratio or {}).items() if n.startswith(start)}
-            return Condition(plain | pulled, ratios)
+            return Condition(plain | pulled, ratios, force_error or {})
 
         return cls(under(VENTED_PULLS), under(PRESSURISED_PULLS))
 

@@ -234,6 +234,7 @@ def _calibrated(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen:
         recordings=names,
         scatter={},
         force_ratio={},
+        force_error={},
     )
     return calibrated_specimen(specimen, found, "by softarm diagnose, before any effect was looked for")
 

@@ -201,7 +201,9 @@ def settings(loads: Sequence[Load], specimen: Specimen, run: CalibrationRun) -> 
         process=LoadProcess(np.array(sigma), time_constant=0.0),
         actuation=actuation(specimen, run),
         pressure_limits=np.array(specimen.pressure_limits),
-        model_error=ModelError.of(specimen.calibration.scatter, specimen.calibration.force_ratio),
+        model_error=ModelError.of(
+            specimen.calibration.scatter, specimen.calibration.force_ratio, specimen.calibration.force_error
+        ),
     )
 
 

@@ -104,7 +104,7 @@ class Solver:
         sigma = np.full(len(self._model.loads), settings.control.load_std_n)
         process = LoadProcess(sigma, settings.control.load_time_constant_s)
         calibration = specimen.calibration
-        error = ModelError.of(calibration.scatter, calibration.force_ratio)
+        error = ModelError.of(calibration.scatter, calibration.force_ratio, calibration.force_error)
         tracker = TrackerSettings(process, self._actuation, self._limits, model_error=error, tolerances=LIVE)
         self._rod = trusted_rod(specimen) if settings.control.model == "rod" else None
         self._threads = ExitStack()
