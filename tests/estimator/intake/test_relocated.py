@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.intake.law import Predictors, fit_variances, precision
+from softarm.estimator.intake.law import CORRELATION, Predictors, fit_variances, precision
 from softarm.estimator.intake.relocated import relocation
 
 STEP, LOST, OFFSET, NOISE = 0.1, 30.0, 0.5, 0.02
@@ -45,3 +45,12 @@ def test_chambers_that_push_on_each_other_are_no_offset(seed: int) -> None:
     pressures = held[(TIME // 5.0).astype(int)]
     values = pressures @ [1.0, 0.5] + 1.5 * pressures[:, 0] * pressures[:, 1]
     assert moved(values, pressures, [LOST]) is None
+
+
+def test_readings_that_go_on_after_a_loss_show_no_offset() -> None:
+    """They move within five seconds, as a smooth law may: nothing jumps where the body was lost."""
+    ageing = np.abs(TIME[:, None] - TIME[None, :])
+    law = 1.0 + 0.5 * np.exp(-0.5 * (ageing / 5.0) ** 2)
+    covariance = law + 1e-4 * np.exp(-ageing / CORRELATION) + 1e-4 * np.eye(len(TIME))
+    values = 0.5 * np.clip((TIME - LOST) / 2.5, -1.0, 1.0)
+    assert relocation(TIME, np.linalg.inv(covariance), values[:, None], np.array([LOST]), LEAST) is None

@@ -1,19 +1,18 @@
 """Bodies that were lost and found elsewhere: a reading that keeps an offset from a loss on.
 
 With s a step at the end of a loss and C the covariance of the readings under the law of the recording, the
-offset is estimated by generalised least squares: c = s C^-1 y / (s C^-1 s), of variance 1 / (s C^-1 s). What
-was read just before and after the loss is left out, since what makes a sensor lose its body also shakes it.
+offset is estimated by generalised least squares: c = s C^-1 y / (s C^-1 s), of variance 1 / (s C^-1 s). A
+reading that goes on after the loss as it was before shows no offset, however badly the law predicts poses that
+the recording visits only once. What makes a sensor lose its body may also shake it: such seconds have little
+weight in C.
 """
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.intake.law import CORRELATION
 
 SURE = 5.0
 """Standard deviations of an offset; a recording has a few hundred losses at most."""
-AROUND = 3.0 * CORRELATION
-"""Readings closer to a loss than this [s] do not count: three correlation times of what the law leaves."""
 
 
 def losses(time: Floats, values: Floats, lasting: float) -> Floats:
@@ -46,15 +45,12 @@ def relocation(
     """
     best, moment = SURE, None
     for at in moments:
-        far = np.abs(time - at) > AROUND
-        step = (time[far] > at).astype(np.float64)
+        step = (time > at).astype(np.float64)
         if step.all() or not step.any():
             continue
-        onto = precision[np.ix_(far, ~far)]
-        between = np.linalg.solve(precision[np.ix_(~far, ~far)], onto.T @ step)
-        weighed = precision[np.ix_(far, far)] @ step - onto @ between
+        weighed = precision @ step
         power = float(step @ weighed)
-        offset = np.abs(weighed @ values[far]) / power
+        offset = np.abs(weighed @ values) / power
         certain = float((offset * (offset > least)).max()) * np.sqrt(power)
         if certain > best:
             best, moment = certain, float(at)
