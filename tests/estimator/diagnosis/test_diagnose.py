@@ -10,6 +10,7 @@ from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, assemble, beg
 from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.split import hold_out
+from softarm.estimator.diagnosis.unnamed import UnnamedLaw
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import LOCKING, model, session, trial
 
@@ -54,6 +55,16 @@ def test_a_weak_chamber_is_named_and_placed(weak: DiagnosisOutcome) -> None:
     assert finding.probability is not None
     assert finding.probability > 0.5
     assert weak.diagnosis.heldout.after < weak.diagnosis.heldout.before
+
+
+def test_a_name_is_as_probable_as_that_it_is_in_the_library(
+    monkeypatch: pytest.MonkeyPatch, weak_sessions: list[Session], weak: DiagnosisOutcome
+) -> None:
+    law = UnnamedLaw(0.0, 1.0, 1.0, 0.75, ("chamber_gain",), Place(), "")
+    monkeypatch.setattr(whole, "unnamed_law", lambda *_: law)
+    (shared,), (alone,) = _diagnose(weak_sessions).diagnosis.findings, weak.diagnosis.findings
+    assert alone.probability is not None
+    assert shared.probability == pytest.approx(0.25 * alone.probability, abs=0.02)
 
 
 def test_recordings_in_question_are_kept_with_poses_and_residuals(weak: DiagnosisOutcome) -> None:

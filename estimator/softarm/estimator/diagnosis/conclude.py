@@ -237,20 +237,26 @@ def _marginaliser(search: Search, parts: Sequence[NormalEquations]) -> Marginali
     return Marginaliser.of(total(parts, search.evidence.size), search.prior, fraction)
 
 
-def findings_of(search: Search, choice: ChosenEffects) -> tuple[Finding, ...]:
-    """Describe every accepted effect with its evidence; the one that explains most comes first."""
+def findings_of(search: Search, choice: ChosenEffects, unnamed: float) -> tuple[Finding, ...]:
+    """Describe every accepted effect with its evidence; the one that explains most comes first.
+
+    Args:
+        search: The search.
+        choice: What it accepted.
+        unnamed: Probability that what acts has no name.
+    """
     fit = choice.fit
     if fit is None:
         return ()
     findings: list[tuple[float, Finding]] = []
-    for index, accepted in enumerate(choice.accepted):
+    for index in range(len(choice.accepted)):
         others = [k for k in range(len(fit.hypotheses)) if k != index]
         rest = search.subset(fit, others)
         predictions = held_out(search, rest, fit)
         gain = float(predictions.before.sum() - predictions.after.sum())
         learnt = learnt_coefficients(search, fit)
         errors = channel_errors(search, residuals_of(search, rest, learnt), residuals_of(search, fit, learnt))
-        findings.append((gain, _finding(search, choice, accepted, index, predictions, errors)))
+        findings.append((gain, _finding(search, choice, index, predictions, errors, unnamed)))
     return tuple(finding for _, finding in sorted(findings, key=lambda entry: -entry[0]))
 
 
@@ -292,12 +298,12 @@ def unknown(
 def _finding(
     search: Search,
     choice: ChosenEffects,
-    accepted: Accepted,
     index: int,
     predictions: Predictions,
     errors: ChannelErrors,
+    unnamed: float,
 ) -> Finding:
-    fit = choice.fit
+    fit, accepted = choice.fit, choice.accepted[index]
     assert fit is not None
     hypothesis, theta, stds = fit.hypotheses[index], fit.thetas[index], fit.stds(index)
     effect = hypothesis.effect
@@ -329,7 +335,7 @@ def _finding(
         confusable_with=rivals,
         rejected=rejected,
         exposure=_exposure(search, choice, index),
-        probability=acts,
+        probability=acts * (1.0 - unnamed),
     )
 
 

@@ -251,6 +251,7 @@ class Decision:
         dropped: Names of those that did not hold on data that confirm, or are no longer
             distinguishable from zero.
         law: A law without a name, where it outdoes the effects that were found.
+        unnamed: Probability that what acts has no name, against the effects that are reported.
         remainder: What no known effects explain, over the same of nominal recordings.
         changed: Whether the recordings in question have changed more than the effects say.
     """
@@ -258,6 +259,7 @@ class Decision:
     choice: ChosenEffects
     dropped: tuple[EffectName, ...]
     law: UnnamedLaw | None
+    unnamed: float
     remainder: float
     changed: bool
 
@@ -288,7 +290,9 @@ def decide(search: Search) -> Decision:
     confirming = held_out(search, None, choice.fit, known=choice.fit is not None, confirming=True)
     remainder = _remainder(search, choice, confirming.rms()[1])
     changed = law is not None or remainder > STRUCTURE or _changed(search, choice)
-    return Decision(replace(choice, fit=sizes), (*unproven, *fragments), law, remainder, changed)
+    return Decision(
+        replace(choice, fit=sizes), (*unproven, *fragments), law, unnamed.probability, remainder, changed
+    )
 
 
 def _require_predictions(stages: Sequence[Stage]) -> None:
@@ -333,7 +337,7 @@ def _outcome(
     evidence, choice, law = search.evidence, decision.choice, decision.law
     suspects = [stage for stage in evidence.stages if not stage.session.nominal]
     predictions = held_out(search, None, choice.fit, known=choice.fit is not None)
-    findings = (*findings_of(search, choice), *stuck_findings(assembled.stuck))
+    findings = (*findings_of(search, choice, decision.unnamed), *stuck_findings(assembled.stuck))
     first_map = _map(search, None)
     remaining_map = _map(search, choice) if choice.fit is not None else first_map
     baseline = _baseline(suspects, evidence.floors)

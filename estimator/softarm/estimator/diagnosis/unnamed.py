@@ -5,9 +5,11 @@ segment's own bend or of a chamber's pressure, alike for all directions and cham
 alike, a Gaussian process of all pressures and bends, as they are and as they fade, and of the clock, in its
 largest components at some of the states (Williams and Seeger, Advances in Neural Information Processing
 Systems 13 (2001) 682). The likeliest law competes with the effects that were accepted by what each predicts
-of recordings that it was not fitted to: where the law predicts more, and the effects hardly anything beside
-it, what was left out is not in the library, and the nearest name would be wrong. But where effects predict
-most of it and leave no more than noise, a richer law only follows what the model gets wrong of any arm.
+of recordings that it was not fitted to: where the law is credible against them, and they predict hardly
+anything beside it, what was left out is not in the library, and the nearest name would be wrong. A name is
+right only if the library contains what acts: its probability is that of its rivals in the library times that
+no law without a name acts instead (Bernardo and Smith, Bayesian Theory (1994), section 6.1, on sets of models
+that may be incomplete).
 
 The library's columns do not stand for a law, so what nominal recordings have of one is learnt from these:
 only a change of it counts. The process is not compared so. It is wide enough that whatever has changed
@@ -26,11 +28,11 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Combinations, NewFolds
-from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
+from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
 from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN, MATERIAL
 from softarm.estimator.diagnosis.nominal import background_of, changed_prior, predictive
 from softarm.estimator.diagnosis.normal_equations import NewColumns, Total, added
-from softarm.estimator.diagnosis.probability import density, pseudo_bma
+from softarm.estimator.diagnosis.probability import CREDIBLE, density, pseudo_bma
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import describe
 from softarm.estimator.simulation.filters import first_order
@@ -105,8 +107,6 @@ class UnnamedLaw:
         gain: Twice the logarithm of the odds on it against nothing, each recording predicted from the others.
         named_gain: The same of the accepted effects.
         joint_gain: The same of both together.
-        left: Weighted squares per effective sample that the effects leave where they were not fitted; 1 for
-            noise.
         probability: How probable it is that it acts and not the effects.
         nearest: Names of the effects.
         place: Where it acts.
@@ -116,7 +116,6 @@ class UnnamedLaw:
     gain: float
     named_gain: float
     joint_gain: float
-    left: float
     probability: float
     nearest: tuple[EffectName, ...]
     place: Place
@@ -124,16 +123,11 @@ class UnnamedLaw:
 
     @property
     def outdoes(self) -> bool:
-        """Whether the law predicts more than the effects, and they hardly anything beside it.
-
-        Effects that leave no more than noise, and predict more than half of what the law does, stay.
-        """
-        joint_change = self.joint_gain - self.gain
-        sufficient = self.left <= 1.0 and self.named_gain > 0.5 * self.gain
+        """Whether the law is credible against the effects, and they predict hardly anything beside it."""
         return (
-            not sufficient
-            and self.gain > max(CERTAIN, self.named_gain)
-            and joint_change < MATERIAL * self.joint_gain
+            self.probability >= CREDIBLE
+            and self.gain > CERTAIN
+            and self.joint_gain - self.gain < MATERIAL * self.joint_gain
         )
 
     def sentence(self) -> str:
@@ -230,20 +224,19 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     nothing = _log_densities(shown.without(), shown.known, shown.known)
     densities = [_log_densities(shown.shown, shown.known, shown.changed), nothing]
     gain = joint_gain = 2.0 * float((densities[0] - nothing).sum())
-    named_gain, remaining = 0.0, np.inf
+    named_gain = 0.0
     if fit is not None:
         price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
         joint = _with_effects(search, shown, fit)
         named = joint.selected([*range(len(shown.known.mean)), len(shown.changed.mean)])
         of_any_size = shown.known.augment(0.0, ANY_SIZE)
         effects = _log_densities(named, shown.known, of_any_size) - price
-        remaining = _squares_left(named, shown.known, of_any_size)
         both = _log_densities(joint, shown.known, shown.changed.augment(0.0, ANY_SIZE)) - price
         named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (effects, both))
         densities.append(effects)
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
     nearest = () if fit is None else tuple(hypothesis.name for hypothesis in fit.hypotheses)
-    return UnnamedLaw(gain, named_gain, joint_gain, remaining, probability, nearest, law.place, law.regime)
+    return UnnamedLaw(gain, named_gain, joint_gain, probability, nearest, law.place, law.regime)
 
 
 def unnamed_probability(search: Search, changed: float) -> float:
@@ -401,19 +394,6 @@ def _log_densities(shown: NewFolds, known: Gaussian | None, prior: Gaussian, fra
             for learnt, own in _learnt_from_others(shown, known, prior, fraction)
         ]
     )
-
-
-def _squares_left(shown: NewFolds, known: Gaussian, prior: Gaussian) -> float:
-    """Return the weighted squares per effective sample that are left of folds, given what the others teach.
-
-    See ``_log_densities``.
-    """
-    predicted = [
-        (Marginal.cost_of(learnt, own, 1.0), own.count)
-        for learnt, own in _learnt_from_others(shown, known, prior, 1.0)
-    ]
-    cost, count = np.sum(predicted, axis=0)
-    return float(cost / count)
 
 
 def _learnt_from_others(

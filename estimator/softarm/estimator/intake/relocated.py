@@ -2,9 +2,9 @@
 
 With s a step at the end of a loss and C the covariance of the readings under the law of the recording, the
 offset is estimated by generalised least squares: c = s C^-1 y / (s C^-1 s), of variance 1 / (s C^-1 s). A
-reading that goes on after the loss as it was before shows no offset, however badly the law predicts poses that
-the recording visits only once. What makes a sensor lose its body may also shake it: such seconds have little
-weight in C.
+reading that goes on after the loss as it was before shows no offset, however badly the law predicts poses
+that the recording visits only once. What makes a sensor lose its body may also shake it: such seconds have
+little weight in C.
 """
 
 import numpy as np
