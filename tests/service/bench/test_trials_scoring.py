@@ -1,5 +1,6 @@
 """The scorer counts what was named, where, how large and how surely, and what was not."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,21 @@ def test_a_name_at_its_place_is_a_hit_with_its_error():
     (hit,) = scored("single", (LAG,), finding("line_lag", chamber=2)).hits
     assert (hit.named, hit.placed, hit.in_set) == (True, True, True)
     assert hit.error == pytest.approx(0.1)
+
+
+def test_what_was_missed_is_compared_with_the_limit_that_the_report_states():
+    where = dict.fromkeys(("segment", "section", "sensor", "axis"))
+    limits = [
+        {"effect": "line_lag", "where": where | {"chamber": chamber}, "parameter": "lag", "size": size}
+        for chamber, size in ((None, 0.1), (2, 0.4))
+    ]
+    one = outcome(verdict="consistent")
+    found = score(
+        replace(one, report=one.report | {"detection_limits": limits}), Answer("single", (LAG,), "")
+    )
+    assert [hit.over_limit for hit in found.hits] == pytest.approx([0.75])
+    (row,) = next(t for t in score_tables([found]) if t.title == "Trials that went wrong").rows
+    assert row["missed, size over limit"] == "line_lag 0.75"
 
 
 def test_a_name_at_another_place_is_no_hit_of_the_place():

@@ -51,6 +51,8 @@ class Hit:
         placed: Whether that finding is at its place; ``None`` where it was not named.
         size: Its size; ``None`` where it was not placed or is defined otherwise.
         taken_for: What was named instead; empty where it was named or nothing was.
+        over_limit: Its size over the detection limit that the report states for its place; ``None`` where
+            that is of something else.
     """
 
     effect: str
@@ -59,6 +61,7 @@ class Hit:
     placed: bool | None
     size: SizeHit | None
     taken_for: str
+    over_limit: float | None
 
     @property
     def error(self) -> float | None:
@@ -133,8 +136,9 @@ class Score:
 def score(outcome: TrialOutcome, answer: Answer) -> Score:
     """Compare the outcome of a trial with its answer."""
     findings = [f for f in outcome.report.get("findings", []) if f["effect"] != "unknown"]
+    limits = outcome.report.get("detection_limits", [])
     foreign = answer.kind == "foreign"
-    hits = () if foreign else tuple(_hit(one, findings) for one in answer.concealed)
+    hits = () if foreign else tuple(_hit(one, findings, limits) for one in answer.concealed)
     concealed = {one.effect for one in answer.concealed}
     surplus = tuple(
         f["effect"]
@@ -153,15 +157,16 @@ def _is(one: Concealment, finding: Mapping[str, Any]) -> bool:
     return one.effect == finding["effect"] and _placed(one.where, finding["where"])
 
 
-def _hit(one: Concealment, findings: Sequence[Mapping[str, Any]]) -> Hit:
+def _hit(one: Concealment, findings: Sequence[Mapping[str, Any]], limits: Sequence[Mapping[str, Any]]) -> Hit:
+    over_limit = _over_limit(one, limits)
     same = [finding for finding in findings if finding["effect"] == one.effect]
     rivals = {rival["effect"] for finding in findings for rival in finding["confusable_with"]}
     if not same:
         instead = findings[0]["effect"] if findings else ""
-        return Hit(one.effect, False, one.effect in rivals, None, None, instead)
+        return Hit(one.effect, False, one.effect in rivals, None, None, instead, over_limit)
     best = max(same, key=lambda finding: _placed(one.where, finding["where"]))
     placed = _placed(one.where, best["where"])
-    return Hit(one.effect, True, True, placed, _size(one, best) if placed else None, "")
+    return Hit(one.effect, True, True, placed, _size(one, best) if placed else None, "", over_limit)
 
 
 def _placed(wanted: Mapping[str, Any], stated: Mapping[str, Any]) -> bool:
@@ -177,4 +182,14 @@ def _size(one: Concealment, finding: Mapping[str, Any]) -> SizeHit | None:
         )
         if stated and value:
             return SizeHit(name, abs(value), abs(float(stated["value"])), float(stated["std"]))
+    return None
+
+
+def _over_limit(one: Concealment, limits: Sequence[Mapping[str, Any]]) -> float | None:
+    """Compare the concealed size with the limit of the same parameter at the same place."""
+    names = {SAME_SIZE.get((one.effect, name), name): value for name, value in one.size.items()}
+    for limit in limits:
+        there = all(one.where.get(kind) == limit["where"].get(kind) for kind in PLACES)
+        if limit["effect"] == one.effect and there and limit["parameter"] in names:
+            return abs(names[limit["parameter"]]) / float(limit["size"])
     return None

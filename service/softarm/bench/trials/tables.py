@@ -182,13 +182,23 @@ def failures(scores: Sequence[Score]) -> Table:
             "said": score.outcome.message
             or ", ".join(score.named)
             or str(score.outcome.report.get("verdict")),
+            "missed, size over limit": ", ".join(
+                f"{hit.effect} {hit.over_limit:.2g}"
+                for hit in score.hits
+                if hit.over_limit is not None and not hit.right
+            )
+            or None,
             "status": score.outcome.status,
         }
         for score in scores
         if not score.right
     ]
     right = sum(score.right for score in scores)
-    return Table("Trials that went wrong", rows, (f"{right} of {len(scores)} diagnoses were right.",))
+    limit = (
+        "Limit: from which the report itself says that the effect is found there in nine of ten such "
+        "recordings; below 1 the effect is smaller."
+    )
+    return Table("Trials that went wrong", rows, (f"{right} of {len(scores)} diagnoses were right.", limit))
 
 
 def motions(scores: Sequence[Score]) -> list[str]:
