@@ -1,16 +1,19 @@
 """Bodies that were lost and found elsewhere: a reading that keeps an offset from a loss on.
 
 With s a step at the end of a loss and C the covariance of the readings under the law of the recording, the
-offset is estimated by generalised least squares: c = s C^-1 y / (s C^-1 s), of variance 1 / (s C^-1 s). A
-reading that goes on after the loss as it was before shows no offset, however badly the law predicts poses
-that the recording visits only once. What makes a sensor lose its body may also shake it: such seconds have
-little weight in C.
+offset is estimated by generalised least squares: c = s C^-1 y / (s C^-1 s), of variance 1 / (s C^-1 s). It
+has to show among all readings, for one that goes on after the loss as before shows none however badly the law
+predicts poses that are visited once; and without those close to the loss, since what makes a sensor lose its
+body also shakes it.
 """
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.intake.law import CORRELATION
 
+AROUND = 3.0 * CORRELATION
+"""Readings closer to a loss than this [s] may be shaken: three correlation times of what the law leaves."""
 SURE = 5.0
 """Standard deviations of an offset; a recording has a few hundred losses at most."""
 
@@ -46,12 +49,20 @@ def relocation(
     best, moment = SURE, None
     for at in moments:
         step = (time > at).astype(np.float64)
-        if step.all() or not step.any():
-            continue
-        weighed = precision @ step
-        power = float(step @ weighed)
-        offset = np.abs(weighed @ values) / power
-        certain = float((offset * (offset > least)).max()) * np.sqrt(power)
+        far = np.abs(time - at) > AROUND
+        certain = min(_certain(precision, values, step, rows, least) for rows in (far, far | True))
         if certain > best:
             best, moment = certain, float(at)
     return moment
+
+
+def _certain(precision: Floats, values: Floats, step: Floats, rows: Flags, least: Floats) -> float:
+    """Return the largest offset that counts, over its deviation, by some of the samples."""
+    if step[rows].all() or not step[rows].any():
+        return 0.0
+    onto = precision[np.ix_(rows, ~rows)]
+    between = np.linalg.solve(precision[np.ix_(~rows, ~rows)], onto.T @ step[rows])
+    weighed = precision[np.ix_(rows, rows)] @ step[rows] - onto @ between
+    power = float(step[rows] @ weighed)
+    offset = np.abs(weighed @ values[rows]) / power
+    return float((offset * (offset > least)).max() * np.sqrt(power))
