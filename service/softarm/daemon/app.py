@@ -120,6 +120,7 @@ class Service:
         to_quaternions(from_quaternions(UPRIGHT))  # loads compiled code, for which no tick can wait
         server = CommandServer(self._bus, self._loop)
         with self._host, self._bus:
+            # The arm is claimed before anything touches it: a second service for it ends here.
             self._bus.open(self._documents(), server.stop)
             self._announce()
             try:
@@ -130,7 +131,7 @@ class Service:
                     ]
                     await self._control()
                     for task in background:
-                        task.cancel()
+                        task.cancel()  # or the group would wait for them for ever
             finally:
                 await self._shut_down()
 
@@ -151,6 +152,7 @@ class Service:
         )
 
     async def _shut_down(self) -> None:
+        # The arm before everything that may wait: the disk comes last.
         self._notifier.stopping()
         self._loop.shut_down()
         await self._loop.instruments.close()
@@ -161,6 +163,7 @@ class Service:
                 logger.warning("the recording was not closed: %s", error or "the disk does not answer")
 
     async def _control(self) -> None:
+        # A later collection of all that has been built would take longer than a tick.
         gc.collect()
         gc.freeze()
         run_first()  # the estimator and the network's threads have been started and are not real-time
@@ -168,6 +171,7 @@ class Service:
         with Ticker(1.0 / self._setup.config.control.rate_hz) as ticker:
             async for tick in ticker.ticks():
                 self._loop.step(tick)
+                # Only here: a loop that hangs or whose step raises is no longer alive for systemd.
                 self._notifier.watchdog(self._worker.state.starting)
                 if stopped.done():
                     return

@@ -90,6 +90,7 @@ def load_config(path: Path) -> Setup:
     except tomllib.TOMLDecodeError as error:
         raise InputError(str(path), f"not valid TOML ({error})", "correct that place") from error
     document.setdefault("arm", path.stem)
+    # Every part is checked for itself, so that one wrong field does not hide the errors of the others.
     errors: list[str] = []
     config = _validated(document, errors)
     devices = _devices(document, errors)

@@ -150,14 +150,16 @@ class ControlLoop:
         Args:
             tick: When the pass was due, how late it came, and how many were skipped before it.
         """
-        now_ns = tick.deadline_ns + tick.drift_ns
+        now_ns = tick.deadline_ns + tick.drift_ns  # when the step began; all of it is judged at this time
         self._ticks += 1
         self.safety.overran(tick.missed, now_ns)
         self._lateness.add(now_ns, tick.late_ns)
         self._lateness.starved_percent = self._surroundings.host().starved_percent
         self.estimates.process.watch()
         self._announce_ready()
+        # The set-point first: nothing below may delay what the valves wait for.
         self.safety.advance(now_ns, (1 + tick.missed) / self._setup.config.control.rate_hz)
+        # Packets of the leading device start the estimates (`_on_packet`); this is for when they stop.
         self.estimates.submit(now_ns, after_ticks=1.5)
         self.safety.check(now_ns, self._clocks.unix_ns())
         self._streams.commanded(self.controller.setpoint.tolist(), now_ns)
@@ -169,6 +171,7 @@ class ControlLoop:
         if self._ready or self.estimates.process.state.starting:
             return
         self._ready = True
+        # A stop during the start has led to FAULTED, which only `clear` may leave.
         if self.mode is Mode.STARTING:
             gave_up = self.estimates.process.state.gave_up
             cause = "the estimator cannot be built: see the log" if gave_up else "the estimator is ready"
@@ -200,14 +203,15 @@ class ControlLoop:
         self.controller.fire(Trigger.SHUT_DOWN, "the service ends")
 
     def _on_reading(self, reading: ChannelReading) -> None:
-        self._streams.take(reading)
+        self._streams.take(reading)  # the streams need the instruments, and these the readings: built later
 
     def _on_packet(self) -> None:
         """Start an estimate as soon as a packet of the leading device is complete."""
+        # Half a tick: packets that jitter at the rate of the loop each start one, faster ones not all.
         self.estimates.submit(self._clocks.monotonic_ns(), after_ticks=0.5)
 
     def _on_transition(self, transition: Transition) -> None:
-        self.estimator_state.wake()
+        self.estimator_state.wake()  # a command that waits for a hold must see that there will be none
         self._reporter.transition(transition)
         self._publish_state(self._clocks.monotonic_ns())
 

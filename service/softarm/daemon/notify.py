@@ -45,7 +45,7 @@ class Notifier:
             if self._address is not None:
                 self._socket.sendto(text.encode(), self._address)
         except OSError:
-            return False
+            return False  # a missed watchdog message is no harm: nine more come before systemd acts
         return True
 
     def ready(self, status: str) -> None:

@@ -137,8 +137,7 @@ class CommandHandler:
         except RefusalError as refusal:
             return Refused(verb=verb, code=refusal.code, message=str(refusal), hint=refusal.hint)
         except LeaseError as refusal:
-            code: ErrorCode = "lease_held" if refusal.code == "lease_held" else "no_lease"
-            return Refused(verb=verb, code=code, message=str(refusal), hint=refusal.hint)
+            return Refused(verb=verb, code=refusal.code, message=str(refusal), hint=refusal.hint)
         except TransitionRefusedError as refusal:
             hint = WAY_OUT[refusal.mode]
             return Refused(verb=verb, code="wrong_mode", message=str(refusal), hint=hint)
@@ -178,6 +177,7 @@ class CommandHandler:
             refusal = malformed(verb, error)
             raise RefusalError(refusal.code, refusal.message, refusal.hint) from error
         self._refuse_stale(request)
+        # The lease before the sequence: a command of another client must not use up a number of the holder.
         if isinstance(request, MovingRequest):
             self._context.controller.lease.check(request.lease, self._context.clock_ns())
             if not self._context.controller.lease.accept_sequence(request.sequence):
@@ -195,6 +195,7 @@ class CommandHandler:
     def _refuse_stale(self, request: Request) -> None:
         """Refuse a command after its deadline, or when the clocks of both hosts differ."""
         now_ns = self._context.unix_ns()
+        # Without NTP a fresh command of another host looks stale, so the refusal tells clock from delay.
         remaining_s = (request.deadline_unix_ns - now_ns) * 1e-9
         late_s = 0.0 if request.sent_unix_ns is None else (now_ns - request.sent_unix_ns) * 1e-9
         if late_s < -CLOCKS_DIFFER_S:
@@ -217,19 +218,24 @@ class CommandHandler:
             message = f"{what or f'{mode} is not possible'}: {first.where}: {first.message}"
             raise RefusalError("not_available", message, first.hint)
 
+    def _fire(self, trigger: Trigger, request: Request, did: str) -> Answer:
+        """Change the mode on behalf of a client; the answer holds the set-points in force then."""
+        controller = self._context.controller
+        controller.fire(trigger, f"{request.client} {did}", request.client)
+        return {"asked_pa": controller.setpoint.tolist()}
+
     def _arm(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.ARMED)
-        self._context.controller.fire(Trigger.ARM, f"{request.client} armed", request.client)
-        return {"asked_pa": self._context.controller.setpoint.tolist()}
+        return self._fire(Trigger.ARM, request, "armed")
 
     def _disarm(self, request: MovingRequest) -> Answer:
-        self._context.controller.fire(Trigger.DISARM, f"{request.client} disarmed", request.client)
-        return {"asked_pa": self._context.controller.setpoint.tolist()}
+        return self._fire(Trigger.DISARM, request, "disarmed")
 
     def _clear(self, request: Request) -> Answer:
         """Clear a fault; errors that the valves keep are acknowledged, and clear themselves."""
         controller = self._context.controller
         cause = controller.modes.fault_cause
+        # The terminal keeps its errors until they are acknowledged, so their cause cannot be gone before.
         acknowledged = controller.modes.allows(Trigger.CLEAR) and controller.acknowledge()
         if controller.modes.mode is Mode.FAULTED and not acknowledged:
             self._refuse_blocked(Mode.ARMED, "the cause of the fault is still there")
@@ -248,8 +254,7 @@ class CommandHandler:
 
     def _teach_start(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.TEACH)
-        self._context.controller.fire(Trigger.TEACH, f"{request.client} teaches", request.client)
-        return {"asked_pa": self._context.controller.setpoint.tolist()}
+        return self._fire(Trigger.TEACH, request, "teaches")
 
     async def _teach_hold(self, request: TeachHold) -> Answer:
         self._refuse_blocked(Mode.HOLDING)
@@ -270,6 +275,7 @@ class CommandHandler:
             RefusalError: There are none, or the mode changed while the command waited.
         """
         estimator_state, modes = self._context.estimator_state, self._context.controller.modes
+        # The mode may change and change back while this waits: count changes, do not compare modes.
         changes = modes.changes
         if modes.mode in (Mode.TEACH, Mode.HOLDING):
             remaining_s = (request.deadline_unix_ns - self._context.unix_ns()) * 1e-9
@@ -298,6 +304,7 @@ class CommandHandler:
         hold, _ = await self._wait_for_hold(request)
         sections = self._context.estimator_state.sections
         controller = self._context.controller
+        # What holds the arm now was corrected by feedback; the model's own answer was not.
         held = controller.modes.mode is Mode.HOLDING
         pressures = controller.setpoint if held else hold.pressures
         pose = SavedPose(
@@ -337,10 +344,9 @@ class CommandHandler:
         }
 
     def _teach_release(self, request: MovingRequest) -> Answer:
-        controller = self._context.controller
-        controller.fire(Trigger.RELEASE, f"{request.client} released", request.client)
-        controller.keep_setpoint(self._context.clock_ns(), RELEASE_LIFETIME_S)
-        return {"asked_pa": controller.setpoint.tolist(), "lifetime_s": RELEASE_LIFETIME_S}
+        released = self._fire(Trigger.RELEASE, request, "released")
+        self._context.controller.keep_setpoint(self._context.clock_ns(), RELEASE_LIFETIME_S)
+        return released | {"lifetime_s": RELEASE_LIFETIME_S}
 
     def _estimate_tare(self, request: Request) -> Answer:
         del request
@@ -351,11 +357,11 @@ class CommandHandler:
 
     def _experiment_begin(self, request: MovingRequest) -> Answer:
         self._refuse_blocked(Mode.EXPERIMENT)
-        self._context.controller.fire(Trigger.EXPERIMENT_BEGIN, f"{request.client} begins", request.client)
+        self._fire(Trigger.EXPERIMENT_BEGIN, request, "begins")
         return {}
 
     def _experiment_end(self, request: MovingRequest) -> Answer:
-        self._context.controller.fire(Trigger.EXPERIMENT_END, f"{request.client} ends", request.client)
+        self._fire(Trigger.EXPERIMENT_END, request, "ends")
         return {}
 
     def _calibrate_rest(self, request: Request) -> Answer:
@@ -366,6 +372,7 @@ class CommandHandler:
         return {"aligned": list(aligned)}
 
     async def _record_start(self, request: RecordStart) -> Answer:
+        # A second command would wait for a disk that hangs already.
         if self._opening.locked():
             raise RefusalError("busy", "a recording is being opened", "wait for the answer to that command")
         since_s = (self._context.clock_ns() - self._began_ns) * 1e-9
@@ -385,6 +392,7 @@ class CommandHandler:
 
     async def _device_reconnect(self, request: DeviceReconnect) -> Answer:
         mode = self._context.controller.modes.mode
+        # To close the valve bank is to vent; to close a camera in TEACH would be a fault.
         if mode in PRESSURISED:
             raise RefusalError("wrong_mode", f"no device is reconnected in {mode}", "disarm first")
         try:
@@ -405,6 +413,7 @@ class CommandHandler:
         return {"lease": lease.token, "remaining_s": round(remaining_s, 3)}
 
     def _lease_release(self, request: MovingRequest) -> Answer:
+        # Vent before the lease is free: the next client must find the arm without pressure.
         controller = self._context.controller
         if controller.modes.allows(Trigger.LEASE_LOST):
             controller.fire(Trigger.LEASE_LOST, f"{request.client} released the lease", request.client)

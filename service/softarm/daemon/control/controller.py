@@ -106,6 +106,8 @@ class Controller:
             InterlockError: The valve bank does not let itself be armed; the mode stays.
         """
         after = self.modes.target(trigger)
+        # The valves first, the mode last: an arm() that raises leaves the mode as it was, and a mode that
+        # stands for vented chambers is never shown before they are vented.
         if trigger is Trigger.ARM:
             self._valves.arm()
         if after not in PRESSURISED:
@@ -137,7 +139,7 @@ class Controller:
         Raises:
             LimitError: A pressure is out of range; nothing changes.
         """
-        self._command(pressures)
+        self._command(pressures)  # may raise, so it comes before anything is kept
         self._wanted = Wanted(pressures, now_ns + round(lifetime_s * 1e9))
         self._setpoint = pressures
         return pressures
@@ -161,6 +163,7 @@ class Controller:
         Returns:
             The change of mode when the lease ran out, or when a hold exceeds the limits.
         """
+        # Before the set-point is renewed: a client that has gone must not be served for one more tick.
         gone = self.lease.expire(now_ns)
         if gone is not None and self.modes.allows(Trigger.LEASE_LOST):
             return self.fire(Trigger.LEASE_LOST, f"{gone.holder} did not renew the lease")
@@ -181,10 +184,12 @@ class Controller:
         if self._hold is not None:
             towards = None if measured is None else measured.towards
             self._hold, wanted = advance_hold(self._hold, towards, now_ns, interval_s, self._hold_limits)
+            # Kept after the hold: TEACH goes on with these pressures, which no client renews.
             self._wanted = Wanted(wanted, now_ns)
             return wanted
         if self._wanted is None:
             return np.zeros_like(self._limits)
+        # In TEACH and HOLDING no client renews them; there the lost lease ends them.
         follows_set_points = self.modes.mode in (Mode.ARMED, Mode.EXPERIMENT)
         if follows_set_points and now_ns >= self._wanted.expires_ns:
             self._wanted = None

@@ -69,7 +69,7 @@ class Estimates:
         if (now_ns - self._submitted_ns) * 1e-9 < after_ticks / self._rate_hz:
             return
         self._submitted_ns = now_ns
-        self.process.submit(self._request)
+        self.process.submit(self._request)  # made when the process is free, from the readings by then
 
     def _request(self) -> EstimationRequest | None:
         """Request an estimate of the newest readings, when the process is free for it."""
@@ -94,7 +94,10 @@ class Estimates:
         )
 
     def _pressures(self, now_ns: int) -> NDArray[np.float64]:
-        """Return the measured pressures [Pa], NaN when they are stale, shape (chambers,)."""
+        """Return the measured pressures [Pa], NaN when they are stale, shape (chambers,).
+
+        The estimator leaves NaN out of its measurements; stale values would look like a force.
+        """
         valves = self._readings.fresh(self._instruments.bank, now_ns)
         return np.full(self._chambers, np.nan) if valves is None else np.array(valves.value)
 
@@ -110,6 +113,7 @@ class Estimates:
 
     def take(self, result: EstimationResult) -> None:
         """Handle a result of the estimator: publish it, follow contacts and the test of the model."""
+        # Measured from now, not from the readings: this is about the process, not about the sensors.
         self._last_result_ns = self._clocks.monotonic_ns()
         unix_ns = self._clocks.unix_ns()
         before = self._estimator_state.contact_since_unix_ns
@@ -120,6 +124,7 @@ class Estimates:
             self._reporter.contact(began=since is not None)
         if result.request.want_contact:
             self._placed_ns = self._last_result_ns
+        # The innovations of a search that stopped early say nothing about the model.
         if result.converged:
             self.test = self.test.update(
                 result.request.time_s,

@@ -130,17 +130,13 @@ class EstimatorState:
         self._align = align
 
     def update(self, result: EstimationResult, unix_ns: int) -> None:
-        """Update with a result of the estimator.
-
-        Args:
-            result: The newest one.
-            unix_ns: Wall clock.
-        """
+        """Keep the newest result of the estimator; the wall clock dates a contact."""
         self.failures = 0 if result.converged else self.failures + 1
         self.result = result
         if self.hold is not None:
             pose = PoseTarget(result.positions, result.quaternions, self.hold.residuals)
             self._held = (result.request.time_s, self.hold, pose)
+        # A contact neither begins nor ends by an estimate that did not converge.
         if result.converged:
             self._follow_contact(result, unix_ns)
         if self.contact_since_unix_ns is None:
@@ -236,6 +232,7 @@ class EstimatorState:
         )
 
     def _follow_contact(self, result: EstimationResult, unix_ns: int) -> None:
+        # Two thresholds, so that a force near one of them does not report a contact at every estimate.
         net = result.loads - self.tare
         covariance = result.load_covariance + CONTACT_FLOOR_N**2 * np.eye(len(net))
         distance = float(np.sqrt(net @ np.linalg.solve(covariance, net) / max(len(net), 1)))

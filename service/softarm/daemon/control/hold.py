@@ -85,6 +85,7 @@ def advance_hold(
         The hold and its set-points [Pa], shape (chambers,).
     """
     progress = hold.progress(now_ns)
+    # During the ramp the pose is off by intention; an integral of that would overshoot.
     if progress >= 1.0 and towards is not None:
         correction = hold.correction + limits.rate * interval_s * towards
         hold = replace(hold, correction=np.clip(correction, -limits.authority, limits.authority))

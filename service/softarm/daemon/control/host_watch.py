@@ -42,6 +42,7 @@ class HostWatch:
         self.newest = HostLoad()
 
     def __enter__(self) -> Self:
+        # A daemon, and never joined: it may hang in a call to the disk for ever.
         threading.Thread(target=self._watch, name="softarm-host", daemon=True).start()
         return self
 
@@ -61,4 +62,4 @@ class HostWatch:
             free: int | None = self._free(existing)
         except OSError:
             free = None
-        self.newest = HostLoad(free, read_pressure())
+        self.newest = HostLoad(free, read_pressure())  # one assignment: the loop reads it without a lock

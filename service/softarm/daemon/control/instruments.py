@@ -173,7 +173,7 @@ class LiveInstruments:
         """Connect side by side."""
         try:
             await connect_all(self._devices)
-        except DeviceErrors as errors:
+        except DeviceErrors as errors:  # the supervisors keep trying; the findings show what is missing
             for line in errors.lines():
                 logger.warning("%s", line)
 

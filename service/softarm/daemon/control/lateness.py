@@ -52,6 +52,7 @@ class Lateness:
         self._late_ns.append(late_ns)
         while now_ns - self._times_ns[self._first] > WINDOW_NS:
             self._first += 1
+        # Cut only when half is old: deleting from the front at every tick would move the whole array.
         if 2 * self._first > len(self._times_ns):
             del self._times_ns[: self._first], self._late_ns[: self._first]
             self._first = 0
@@ -122,6 +123,7 @@ def read_pressure(paths: Iterable[Path] | None = None) -> float | None:
     Returns:
         The share, or ``None`` where the kernel does not count it.
     """
+    # Line `some avg10=1.23 avg60=...`; a container may hide the file, a kernel without PSI lacks it.
     for path in pressure_files() if paths is None else paths:
         try:
             words = path.read_text().split()

@@ -62,6 +62,7 @@ class MismatchTest:
             innovations: Normalised residual of each sensor.
             unix_ns: Wall clock.
         """
+        # At most a second: a gap in the estimates is no evidence against the model.
         step = 0.0 if self.time_s is None else min(max(time_s - self.time_s, 0.0), 1.0)
         if degrees_of_freedom < 0.1:
             return replace(self, time_s=time_s)

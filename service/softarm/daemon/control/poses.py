@@ -3,7 +3,6 @@
 import json
 import os
 import tempfile
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -36,7 +35,10 @@ class SavedPose(BaseModel):
     @property
     def target(self) -> PoseTarget | None:
         """The pose for the feedback; ``None`` when no section was estimated."""
-        return target_of(self.sections)
+        if not self.sections:
+            return None
+        positions = np.array([section.position_m for section in self.sections])
+        return PoseTarget(positions, np.array([section.quaternion_wxyz for section in self.sections]))
 
 
 class PoseStore:
@@ -67,20 +69,13 @@ class PoseStore:
         poses = {**self._poses, name: pose}
         document = {key: value.model_dump(mode="json") for key, value in poses.items()}
         self._path.parent.mkdir(parents=True, exist_ok=True)
+        # Renamed only when it is on the disk: a power cut leaves the old file or the new one, whole.
         with tempfile.NamedTemporaryFile("w", dir=self._path.parent, delete=False) as file:
             json.dump(document, file, indent=1)
             file.flush()
             os.fsync(file.fileno())
         Path(file.name).replace(self._path)
         self._poses = poses
-
-
-def target_of(sections: Sequence[SectionPose]) -> PoseTarget | None:
-    """Return the pose of sections as a target; ``None`` when there is none."""
-    if not sections:
-        return None
-    positions = np.array([section.position_m for section in sections])
-    return PoseTarget(positions, np.array([section.quaternion_wxyz for section in sections]))
 
 
 def _read(path: Path) -> dict[str, SavedPose]:

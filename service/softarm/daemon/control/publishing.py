@@ -91,7 +91,7 @@ class Publisher:
         self._counts = dict.fromkeys(STREAMS, 0)
 
     def _stamp(self, stream: str) -> Stamp:
-        self._counts[stream] += 1
+        self._counts[stream] += 1  # a gap in it tells a client how many messages it lost
         return Stamp(
             sequence=self._counts[stream],
             monotonic_ns=self._clock_ns(),
@@ -151,11 +151,7 @@ class Publisher:
         return self._estimator_state.sections
 
     def estimate(self, result: EstimationResult) -> Estimate:
-        """Return the message with the external force.
-
-        Args:
-            result: The newest result.
-        """
+        """Build the message with the external force."""
         net, request = result.loads - self._estimator_state.tare, result.request
         dof = result.degrees_of_freedom
         ratio = float(np.sqrt(result.innovation_squared / dof)) if dof > 0.1 else None

@@ -80,6 +80,7 @@ class Readings:
         name = reading.device
         self._latest[name] = reading
         self._device_ns[name.split("/")[0]] = reading.host_monotonic_ns
+        # The estimate before the recorder: recording is not urgent.
         if self._completes_packet(name):
             self._on_packet()
         self._on_reading(reading)
@@ -87,6 +88,7 @@ class Readings:
     def _completes_packet(self, name: str) -> bool:
         if name not in self._leading:
             return False
+        # The channels of one packet share its arrival time to the nanosecond.
         arrivals = {self._latest[n].host_monotonic_ns if n in self._latest else None for n in self._leading}
         return len(arrivals) == 1
 
@@ -139,7 +141,10 @@ class Readings:
         aligned = []
         for sensor, name, _ in self._sensors:
             sample = self._latest.get(name)
-            if _is_inertial(sensor, sample) and sample is not None:
+            if sample is None or sensor.kind != "orientation":
+                continue
+            # A body of the motion capture may be an orientation too; it arrives as a pose and needs no rest.
+            if len(sample.value) == READING_SIZE["orientation"]:
                 measured = from_quaternions(np.array(sample.value))
                 self._references[name] = orientations[sensor.section] @ measured.T
                 aligned.append(name)
@@ -179,6 +184,7 @@ class Readings:
         return values if sensor.kind == "pose" else values[3:]
 
     def _inertial(self, sample: ChannelReading) -> Sequence[float] | None:
+        # Its yaw has an arbitrary zero, so it means nothing before it has been aligned at rest.
         reference = self._references.get(sample.device)
         if reference is None:
             return None
@@ -218,6 +224,7 @@ def relative_pose(base: Sequence[float], pose: Sequence[float]) -> tuple[float, 
         a * g + b * h - c * e - d * f,
         a * h - b * g + c * f - d * e,
     )
+    # Plain floats: for one pose numpy would spend its time on calls.
     length, square = math.hypot(*quaternion), a * a + b * b + c * c + d * d
     if length == 0.0:
         return (math.nan,) * 7
@@ -230,11 +237,3 @@ def relative_pose(base: Sequence[float], pose: Sequence[float]) -> tuple[float, 
     )
     length = math.copysign(length, quaternion[0])
     return (*position, *(part / length for part in quaternion))
-
-
-def _is_inertial(sensor: SensorSettings, sample: ChannelReading | None) -> bool:
-    return (
-        sensor.kind == "orientation"
-        and sample is not None
-        and len(sample.value) == READING_SIZE["orientation"]
-    )

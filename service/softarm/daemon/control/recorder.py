@@ -182,6 +182,7 @@ class Recorder:
             if self._run is not None:
                 raise RecorderError(f"{self._run.path or self._run.name} is being recorded; stop it first")
             self._run, self._dropped, self._error, self.closing = run, 0, "", False
+        # A daemon: the process must be able to end while the disk hangs.
         thread = threading.Thread(target=self._record, args=(run,), name="softarm-recorder", daemon=True)
         thread.start()
         try:
@@ -193,6 +194,7 @@ class Recorder:
 
     def put(self, item: Sample | Document | Drawing) -> None:
         """Queue a message; when the disk cannot keep up it is dropped and counted."""
+        # Without the lock: the loop never waits here, and a message just after the end may be lost.
         run = self._run
         if run is None or run.path is None or run.error or self.closing:
             return
@@ -291,6 +293,7 @@ class Recorder:
                 if item is None:
                     return ""
                 _write_item(writer, item, added)
+            # By time, not by message: a disk that fills up while no sensor sends must end the recording too.
             if time.monotonic() - checked_s > SPACE_CHECK_S:
                 checked_s, free_bytes = time.monotonic(), self._look(self._directory)
                 if free_bytes < RESERVE_BYTES:

@@ -118,6 +118,7 @@ class ReplayedInstruments:
         """Play the recording to its end."""
         begin = time.monotonic()
         for index, at in enumerate((self._time - self._time[0]) / self._speed):
+            # From the beginning, not from the last row: lateness must not add up.
             wait_s = begin + float(at) - time.monotonic()
             if wait_s > 0.0:
                 await asyncio.sleep(wait_s)

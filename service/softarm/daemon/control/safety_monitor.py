@@ -57,12 +57,7 @@ class SafetyMonitor:
         self._expiries = 0
 
     def overran(self, missed: int, now_ns: int) -> None:
-        """Count ticks that were skipped.
-
-        Args:
-            missed: How many.
-            now_ns: Monotonic time.
-        """
+        """Count ticks that were skipped just before a monotonic time."""
         self._skipped.add(now_ns, missed)
 
     @property
@@ -86,7 +81,7 @@ class SafetyMonitor:
             return controller.fire(Trigger.FAULT, self._of_the_bank(cause, now_ns))
         try:
             return controller.tick(now_ns, elapsed_s, self._inputs.estimator_state.hold)
-        except DeviceError as error:
+        except DeviceError as error:  # the bank has disarmed itself since the last check
             return controller.fire(Trigger.FAULT, f"{error.device}: {error.what}")
 
     def _ran_out(self) -> bool:
@@ -120,6 +115,7 @@ class SafetyMonitor:
             self._inputs.report(finding, finding in new)
         if controller.modes.mode not in PRESSURISED:
             return None
+        # Not the standing findings: one that has gone a moment ago is still shown, but must not vent the arm.
         cause = self._cause(now_ns)
         return None if cause is None else controller.fire(Trigger.FAULT, cause)
 

@@ -70,6 +70,7 @@ class RecordedStreams:
         if place is None or not self.recording:
             return
         topic, fields = place
+        # An orientation of an inertial unit has the last four numbers of a pose.
         if len(fields) != len(reading.value):
             fields = POSE_SUFFIXES[-len(reading.value) :]
         measured_ns = self._after_last(topic, reading.measured_ns)

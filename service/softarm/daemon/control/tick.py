@@ -77,7 +77,7 @@ class Ticker:
     def __init__(self, interval_s: float) -> None:
         self._interval_ns = round(interval_s * 1e9)
         self._loop = asyncio.get_running_loop()
-        self._due = asyncio.Event()
+        self._due = asyncio.Event()  # one, however often the timer expires while the loop is busy
 
     def __enter__(self) -> Self:
         start_ns = time.monotonic_ns() + self._interval_ns

@@ -47,15 +47,15 @@ class HeldArm:
             note = "the estimate did not converge, so nothing is known of the pose"
             return HoldAnswer(np.zeros(len(self.limits)), reachable=False, note=note, known=False)
         held = replace_loads(estimate, self.suite, self.limits, tare)
+        wanted = self._wanted(pressures + held.change)
         if target is None:
-            wanted = self._wanted(pressures + held.change)
             residuals = dict(estimate.residuals)
             return HoldAnswer(wanted, held.reachable, held.statement, residuals=residuals)
         frames = Frames(target.positions, from_quaternions(target.quaternions))
         applied = self.commanded(estimate.measured_pressures)
         nearer = approach(estimate, self.suite, self.limits, frames, applied, target.residuals)
+        # The map has offsets, so the change to command is the difference of two commands.
         towards = self.commanded(pressures + nearer.change) - self.commanded(pressures)
-        wanted = self._wanted(pressures + held.change)
         return HoldAnswer(wanted, nearer.reachable, nearer.statement, towards=towards)
 
     def _wanted(self, acting: Floats) -> Floats:

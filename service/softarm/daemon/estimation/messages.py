@@ -18,6 +18,7 @@ class _Compact:
         arrays, others = {}, {}
         for name, value in vars(self).items():
             if isinstance(value, np.ndarray):
+                # A bytearray, because an array that is made of bytes is read-only.
                 arrays[name] = value.dtype.char, value.shape, bytearray(value)
             else:
                 others[name] = value

@@ -51,6 +51,7 @@ class RodCheck(Background[tuple[Inputs, Frames], float | None]):
         os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), LAST)  # of this thread alone (sched(7))
         inputs, frames = sample
         state, converged = self._model.solve(inputs, self._state)
+        # The next comparison must not start from where a search went astray.
         if not converged:
             self._state = self._model.rest()
             return None

@@ -18,6 +18,7 @@ from softarm.daemon.estimation.rod_check import RodCheck
 from softarm.daemon.estimation.worker import BuiltSolver
 from softarm.daemon.surface import drawn_surface
 from softarm.estimator.arm import build_arm, default_loads
+from softarm.estimator.arrays import Floats
 from softarm.estimator.augmented import AugmentedEstimator, Follower, estimator_of
 from softarm.estimator.dynamics import MovingForces
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
@@ -112,11 +113,11 @@ class Solver:
         if self._rod is not None:
             self._check = self._threads.enter_context(RodCheck(stretched(self._model, specimen)))
         following = self._followed(specimen)
-        self._estimator: Follower[Any] = estimator_of(
+        follower: Follower[Any] = estimator_of(
             specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
         )
+        self._estimator = follower
         self._moving = MovingForces.of(specimen, self._model.sections, self._model.loads, self._suite)
-        follower = self._estimator
         unshaped = follower.unshaped if isinstance(follower, AugmentedEstimator) else np.asarray
         self._held_arm = HeldArm(self._suite, self._actuation, self._limits, unshaped)
         self._profile = ContactProfile(_heights(specimen), passes=1)
@@ -147,6 +148,7 @@ class Solver:
             time_s = instant * WARM_UP_STEP_S
             result = self(EstimationRequest(time_s, 0, readings, pressures, gravity, want_hold=True))
             readings = self._suite.predict(Frames(result.positions, from_quaternions(result.quaternions)))
+        # What stays is compiled code and the factor; the forces of made-up readings are forgotten.
         self._estimator.reset()
         self._moving.reset()
 
@@ -161,8 +163,6 @@ class Solver:
         loads, covariance = self._moving.update(request.time_s, request.readings, estimate)
         hold = self._held(request, estimate)
         contact = self._contact(request, estimate) if request.want_contact else None
-        sections = len(self._model.sections)
-        deviation = estimate.frame_deviations.reshape(sections, 6)
         return EstimationResult(
             request=request,
             converged=estimate.converged,
@@ -170,7 +170,7 @@ class Solver:
             load_covariance=covariance,
             positions=estimate.frames.positions,
             quaternions=to_quaternions(estimate.frames.rotations),
-            frame_std=deviation,
+            frame_std=estimate.frame_deviations.reshape(-1, 6),
             innovation_squared=estimate.normalised_innovation_squared,
             degrees_of_freedom=estimate.degrees_of_freedom,
             sensor_innovations=self._innovations(request, estimate),
@@ -189,6 +189,7 @@ class Solver:
         since_s, sensors, directions = self._unobservable
         if not np.isfinite(estimate.motion).all():
             return ()
+        # A request earlier than the last analysis belongs to another run.
         if sensors != request.used or request.time_s < since_s:
             return self._analyse(request, estimate)
         if request.time_s >= since_s + OBSERVED_EVERY_S:
@@ -220,14 +221,15 @@ class Solver:
         """Compute the pressures that hold the pose while they are requested."""
         if not request.want_hold:
             return None
-        tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
-        return self._held_arm.answer(estimate, tare, request.target)
+        return self._held_arm.answer(estimate, self._tare(request), request.target)
+
+    def _tare(self, request: EstimationRequest) -> Floats:
+        return np.zeros(len(self._model.loads)) if request.tare is None else request.tare
 
     def _contact(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> ContactPlace | None:
         """Locate the contact force that the estimated loads amount to."""
         if not estimate.converged:
             return None
-        tare = np.zeros(len(self._model.loads)) if request.tare is None else request.tare
         inputs = estimate.inputs
         loads = np.concatenate([inputs.loads, np.zeros(len(self._profile.loads))])
         extended = Inputs(inputs.pressures, loads, inputs.gravity)
@@ -235,7 +237,9 @@ class Solver:
         if self._rod is None:
             state = FiniteElementState(state.displacement, extended)
         suite = self._estimator.suite_at(request.pressures)
-        return self._profile.place(self._pushed, state, suite, request.readings, estimate, tare)
+        return self._profile.place(
+            self._pushed, state, suite, request.readings, estimate, self._tare(request)
+        )
 
     def _nodes(self, estimate: ArmEstimate[Any]) -> NDArray[np.float32]:
         """Return position [m] and von Mises stress [Pa] of the surface's nodes, shape (nodes, 4).

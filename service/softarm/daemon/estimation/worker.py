@@ -23,7 +23,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from typing import Any, Generic, TypeVar
@@ -106,6 +106,7 @@ class WorkerState:
 
 def _serve(requests: Connection, results: Connection, factory: SolverFactory, niceness: int) -> None:
     """Run in the child: build the solver, then answer until the pipe closes."""
+    # Ctrl-C goes to the whole group; the parent decides when this process ends, by closing the pipe.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     with contextlib.suppress(PermissionError):  # a sandbox may forbid it
         os.setpriority(os.PRIO_PROCESS, 0, niceness)
@@ -119,7 +120,7 @@ def _serve(requests: Connection, results: Connection, factory: SolverFactory, ni
         _write(results, built.report)
         while True:
             request = inbox.wait()
-            signal.setitimer(signal.ITIMER_REAL, 0.9 * STUCK_S)
+            signal.setitimer(signal.ITIMER_REAL, 0.9 * STUCK_S)  # just before the parent kills it
             _write(results, built.solve(request))
             built.finish()
             signal.setitimer(signal.ITIMER_REAL, 0.0)
@@ -190,7 +191,7 @@ class _Child:
     requests: Connection
     results: Connection
     started_s: float
-    ready: bool = field(default=False)
+    ready: bool = False
 
     def __post_init__(self) -> None:
         self.inbox = _Inbox(self.results)
@@ -224,6 +225,7 @@ class Worker(Generic[Request, Result]):
         self._clock = clock
         self._niceness = os.getpriority(os.PRIO_PROCESS, 0) + nicer
         self._policy = policy or RestartPolicy()
+        # Not forked: the threads of zenoh and numba would leave their locks taken in the child.
         self._context = multiprocessing.get_context("spawn")
         self._loop = asyncio.get_running_loop()
         self._child: _Child | None = None
@@ -321,6 +323,7 @@ class Worker(Generic[Request, Result]):
             self._on_end(child)
 
     def _on_message(self, child: _Child, message: Any) -> None:
+        # Messages of a child that was replaced meanwhile answer requests that nobody waits for.
         if child is not self._child:
             return
         self._busy = False
@@ -376,6 +379,7 @@ class Worker(Generic[Request, Result]):
 
 
 def _end(process: BaseProcess) -> None:
+    """Reap a process; in a thread, since this waits."""
     process.join(KILL_AFTER_S)
     if process.is_alive():
         process.kill()

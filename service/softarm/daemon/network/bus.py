@@ -18,7 +18,9 @@ from softarm_client.messages import STREAMS, Message
 from softarm_client.session import NetworkSettings, open_session
 
 COMMANDS_WAITING = 16
+"""The loop takes them out at every pass: with more than these waiting, a client sends without listening."""
 STOPS_WAITING = 64
+"""A flood of stops is answered without the loop, which has the first of them to carry out."""
 LARGEST_REQUEST_BYTES = 16_384
 """A larger request is refused before anybody parses it: parsing 1 MB holds up the control loop for 0.2 s."""
 SHAPE = "shape"
@@ -102,6 +104,7 @@ class Bus:
                 self._publishers[name] = declare_advanced_publisher(
                     self._session,
                     self.keys.stream(name),
+                    # A client that joins gets the last state at once, not with the next change.
                     cache=CacheConfig(max_samples=1),
                     # A subscriber that does not keep up must not make the control loop wait.
                     congestion_control=zenoh.CongestionControl.DROP,
@@ -118,6 +121,7 @@ class Bus:
                     self._session.declare_queryable(self.keys.query(name), partial(self._on_query, name))
                 )
             self._declared.append(self._session.declare_queryable(self.keys.command("**"), self._on_command))
+            # Last: who waits for the arm to be alive may send commands from then on.
             self._declared.append(self._session.liveliness().declare_token(self.keys.alive))
         except BaseException:
             self.close()
@@ -150,16 +154,16 @@ class Bus:
             query.reply_err(refused.model_dump_json().encode(), encoding=encoding)
 
     def _on_command(self, query: zenoh.Query) -> None:
+        # Runs in a thread of zenoh: nothing of the loop may be touched here.
         key_expression = str(query.key_expr)
         if key_expression.endswith(STOP_SUFFIX):  # also softarm/@v1/*/command/stop, which stops every arm
             self._hand_over_stop(query)
             return
-        key = self.keys.command("")
-        size = 0 if query.payload is None else len(query.payload)
-        payload = bytes(query.payload) if query.payload is not None and size <= LARGEST_REQUEST_BYTES else b""
-        call = Call(key_expression.removeprefix(key), payload, query, key_expression, self.stops_seen)
-        if size > LARGEST_REQUEST_BYTES:
-            message = f"the request has {size} bytes, more than {LARGEST_REQUEST_BYTES}"
+        payload = _payload(query)
+        verb = key_expression.removeprefix(self.keys.command(""))
+        call = Call(verb, payload or b"", query, key_expression, self.stops_seen)
+        if payload is None:
+            message = f"the request has more than {LARGEST_REQUEST_BYTES} bytes"
             call.refuse("malformed", message, "send the fields of docs/api.md and nothing else")
         elif not self._inbox.offer(call):
             hint = "wait for the answers to the commands before sending more"
@@ -167,13 +171,12 @@ class Bus:
 
     def _hand_over_stop(self, query: zenoh.Query) -> None:
         """Have the loop stop the arm next, ahead of every waiting command."""
+        # The loop counts down what zenoh's threads count up.
         with self._stops_lock:
             self.stops_seen += 1
             waiting = self._stops_waiting
             self._stops_waiting += waiting < STOPS_WAITING
-        small = query.payload is not None and len(query.payload) <= LARGEST_REQUEST_BYTES
-        payload = bytes(query.payload) if query.payload is not None and small else b""
-        call = Call("stop", payload, query, self.keys.command("stop"), self.stops_seen)
+        call = Call("stop", _payload(query) or b"", query, self.keys.command("stop"), self.stops_seen)
         if waiting >= STOPS_WAITING:
             call.refuse("busy", "the arm is being stopped already", "wait for the answer to the first stop")
             return
@@ -226,3 +229,11 @@ class Bus:
 
     def __exit__(self, *_: object) -> None:
         self.close()
+
+
+def _payload(query: zenoh.Query) -> bytes | None:
+    """Copy a request out of zenoh's memory; ``None`` when it is too large to be parsed."""
+    payload = query.payload
+    if payload is None:
+        return b""
+    return bytes(payload) if len(payload) <= LARGEST_REQUEST_BYTES else None

@@ -29,13 +29,14 @@ class Inbox(Generic[Item]):
         if self._closed or len(self._items) >= self._capacity:
             return False
         self._items.append(item)
+        # Two threads may both wake the loop, which costs one idle pass; neither can miss to.
         if not self._waking:
             self._waking = True
             self._loop.call_soon_threadsafe(self._wake)
         return True
 
     def _wake(self) -> None:
-        self._waking = False
+        self._waking = False  # before the items are read: one that comes now wakes the loop again
         self._ready.set()
 
     async def take(self) -> Item:

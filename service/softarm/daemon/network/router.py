@@ -54,5 +54,6 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
+    # zenoh's threads inherit the mask: only a blocked signal is certain to reach sigwait.
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
     sys.exit(main(sys.argv[1:]))

@@ -7,21 +7,26 @@ from softarm.daemon.safety.modes import PRESSURISED
 from softarm.daemon.safety.observation import DeviceStatus, Input, ServiceHealth
 from softarm_client.modes import Mode
 
+GIVE_A_CORE = "end other programs, or give softarm a core"
+
+
+def _silence(age_s: float | None) -> str:
+    return "no reading yet" if age_s is None else f"no valid reading for {age_s:.2f} s"
+
 
 def check_valves(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find a valve bank that does not answer, or whose outputs are not those commanded."""
     valves = observation.valves
+    # Nothing excuses silent valves under pressure, neither a start a moment ago nor a busy processor.
     severity: Severity = "fault" if observation.mode in PRESSURISED else "warning"
     quiet = severity == "warning" and observation.settling
     if valves.lost and not quiet:
         age = "never answered" if valves.age_s is None else f"has not answered for {valves.age_s:.2f} s"
-        message, hint = (
-            f"the valve bank {age}",
-            "check power, network and address; the watchdog of the terminal vents meanwhile",
-        )
+        message = f"the valve bank {age}"
+        hint = "check power, network and address; the watchdog of the terminal vents meanwhile"
         if observation.busy and valves.age_s is not None:
             message = f"{message}, while {observation.busy}"
-            hint = "the processor is late, perhaps not the valves: end other programs, or give softarm a core"
+            hint = f"the processor is late, perhaps not the valves: {GIVE_A_CORE}"
         yield Diagnostic("valves_lost", valves.name, severity, message, hint)
     for fault in valves.faults:
         yield Diagnostic(
@@ -42,17 +47,18 @@ def check_inputs(observation: ServiceHealth) -> Iterator[Diagnostic]:
         severity: Severity = "fault" if blind and entry.needed else "warning"
         if entry.stale and not (severity == "warning" and observation.settling):
             yield _stale(entry, severity, observation.busy)
+        # A device's trouble that shows as silence is the hint of that finding, not a second one.
         elif entry.trouble and not entry.stale and not observation.settling:
             yield Diagnostic("sensor_trouble", entry.name, "warning", entry.trouble, "see docs/drivers.md")
 
 
 def _stale(entry: Input, severity: Severity, busy: str) -> Diagnostic:
-    age = "no reading yet" if entry.age_s is None else f"no valid reading for {entry.age_s:.2f} s"
+    age = _silence(entry.age_s)
     consequence = (
         "" if entry.needed else "; the estimator continues with the other sensors, and the covariance grows"
     )
     if busy:
-        hint = "the processor is late, perhaps not the sensor: end other programs, or give softarm a core"
+        hint = f"the processor is late, perhaps not the sensor: {GIVE_A_CORE}"
         return Diagnostic("stale_sensor", entry.name, severity, f"{age}, while {busy}{consequence}", hint)
     hint = entry.trouble or "check its cable, its power and its program"
     return Diagnostic("stale_sensor", entry.name, severity, age + consequence, hint)
@@ -79,17 +85,14 @@ def _connection(device: DeviceStatus, observation: ServiceHealth) -> Iterator[Di
         message = device.error or "is not connected yet"
         hint = device.cure or "check its cable, its power and its address"
         yield Diagnostic("device_lost", device.name, "warning", message, f"{hint}; the service keeps trying")
-    elif device.connected and not device.measured and _silent(device) and not observation.settling:
-        age = "no reading yet" if device.age_s is None else f"no valid reading for {device.age_s:.2f} s"
+    elif device.connected and not device.measured and device.silent and not observation.settling:
+        age = _silence(device.age_s)
         message = f"{age}, while {observation.busy}" if observation.busy else age
         yield Diagnostic("device_silent", device.name, "warning", message, "check that it measures")
 
 
-def _silent(device: DeviceStatus) -> bool:
-    return device.age_s is None or device.age_s > device.deadline_s
-
-
 FAILURES_ALLOWED = 20
+"""A fifth of a second at 100 Hz: an arm that is pushed may cost a few estimates."""
 STEERING_BY_THE_ESTIMATE = frozenset({Mode.TEACH, Mode.HOLDING})
 """Modes whose pressures come from the estimate; an experiment plays its own and may excite oscillations."""
 
@@ -100,7 +103,7 @@ def check_estimator(observation: ServiceHealth) -> Iterator[Diagnostic]:
     severity: Severity = "fault" if observation.mode in FOLLOWING_THE_POSE else "warning"
     if estimator.starting:
         if severity == "warning":
-            return
+            return  # a start is no trouble; only a mode that needs the pose is refused meanwhile
         message, hint = "the estimator is still being built", "wait until it is ready"
     elif estimator.gave_up:
         message = "the estimator's process died too often; the service does not start it again"
@@ -111,7 +114,7 @@ def check_estimator(observation: ServiceHealth) -> Iterator[Diagnostic]:
         message, hint = "the estimator returns no results", "a sensor may be lost: see the other findings"
         if observation.busy:
             message = f"{message}, while {observation.busy}"
-            hint = "the processor is late: end other programs, or give softarm a core"
+            hint = f"the processor is late: {GIVE_A_CORE}"
     elif estimator.failures > FAILURES_ALLOWED:
         message = f"{estimator.failures} estimates in a row did not converge"
         hint = "the model does not fit the arm: calibrate, or run softarm diagnose on a recording"
@@ -155,7 +158,7 @@ def check_loop(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find a loop that skipped ticks."""
     if observation.overruns > OVERRUNS_ALLOWED and not observation.settling:
         message = f"{observation.overruns} control ticks were skipped in the last second"
-        hint = "the machine is overloaded: end other programs, or give softarm a core"
+        hint = f"the machine is overloaded: {GIVE_A_CORE}"
         yield Diagnostic("loop_overrun", "control", "warning", message, hint)
 
 

@@ -101,6 +101,7 @@ class HealthMonitor:
         self._present = self.evaluate(observation)
         new = []
         for finding in self._present:
+            # Its text changes from tick to tick (an age grows), so the key alone says that it is the same.
             before = self._standing.get(finding.key)
             since_unix_ns = unix_ns if before is None else before.since_unix_ns
             self._standing[finding.key] = ActiveAlarm(finding, since_unix_ns, now_ns)

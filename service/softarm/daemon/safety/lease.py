@@ -2,6 +2,7 @@
 
 import secrets
 from dataclasses import dataclass
+from typing import Literal
 
 NANOSECONDS = 1_000_000_000
 
@@ -10,12 +11,12 @@ class LeaseError(Exception):
     """A lease that is missing, held by somebody else, or has run out.
 
     Args:
-        code: ``no_lease`` or ``lease_held``.
+        code: Why, for programs.
         message: The reason in words.
         hint: What to do about it.
     """
 
-    def __init__(self, code: str, message: str, hint: str) -> None:
+    def __init__(self, code: Literal["no_lease", "lease_held"], message: str, hint: str) -> None:
         super().__init__(message)
         self.code = code
         self.hint = hint
@@ -48,15 +49,20 @@ class LeaseManager:
         self._lease: Lease | None = None
         self._last_sequence = -1
 
+    def _current(self, now_ns: int) -> Lease | None:
+        """Return the lease unless it has run out: commands come between the ticks that expire it."""
+        lease = self._lease
+        return lease if lease is not None and now_ns < lease.expires_ns else None
+
     def holder(self, now_ns: int) -> str | None:
         """Name the holder of a lease that has not run out."""
-        lease = self._lease
-        return lease.holder if lease is not None and now_ns < lease.expires_ns else None
+        current = self._current(now_ns)
+        return None if current is None else current.holder
 
     def remaining_s(self, now_ns: int) -> float:
         """Return how long the lease still lives [s]."""
-        lease = self._lease
-        return max(lease.expires_ns - now_ns, 0) / NANOSECONDS if lease is not None else 0.0
+        current = self._current(now_ns)
+        return 0.0 if current is None else (current.expires_ns - now_ns) / NANOSECONDS
 
     def acquire(self, holder: str, now_ns: int, token: str | None = None) -> Lease:
         """Grant or renew the lease.
@@ -72,15 +78,14 @@ class LeaseManager:
         Raises:
             LeaseError: Somebody else holds it, or the token is not that of the lease.
         """
-        current = self.holder(now_ns)
-        if current is not None and self._lease is not None and token != self._lease.token:
-            raise LeaseError(
-                "lease_held", f"the lease is held by {current}", "wait until it is released or runs out"
-            )
+        current = self._current(now_ns)
+        if current is not None and token != current.token:
+            cure = "wait until it is released or runs out"
+            raise LeaseError("lease_held", f"the lease is held by {current.holder}", cure)
         if current is None:
-            self._last_sequence = -1
-        renewed = self._lease.token if current is not None and self._lease is not None else None
-        self._lease = Lease(renewed or secrets.token_hex(16), holder, now_ns + self._duration_ns)
+            self._last_sequence = -1  # a new client begins its own count
+        secret = secrets.token_hex(16) if current is None else current.token
+        self._lease = Lease(secret, holder, now_ns + self._duration_ns)
         return self._lease
 
     def release(self, token: str, now_ns: int) -> None:
@@ -98,15 +103,17 @@ class LeaseManager:
         Raises:
             LeaseError: No lease, a foreign one, or one that has run out.
         """
-        current = self.holder(now_ns)
+        current = self._current(now_ns)
         if current is None:
             raise LeaseError("no_lease", "nobody holds the lease", "acquire it with lease/acquire first")
-        if self._lease is None or token != self._lease.token:
-            raise LeaseError("lease_held", f"the lease is held by {current}", "acquire the lease first")
+        if token != current.token:
+            message = f"the lease is held by {current.holder}"
+            raise LeaseError("lease_held", message, "acquire the lease first")
 
     def is_current(self, token: str | None, now_ns: int) -> bool:
         """Return whether a token is that of the lease in force."""
-        return self.holder(now_ns) is not None and self._lease is not None and token == self._lease.token
+        current = self._current(now_ns)
+        return current is not None and token == current.token
 
     def accept_sequence(self, sequence: int) -> bool:
         """Return whether a command's sequence number is new within this lease, and remember it."""

@@ -45,10 +45,12 @@ TRANSITIONS = MappingProxyType(
         (Mode.ARMED, Trigger.EXPERIMENT_BEGIN): Mode.EXPERIMENT,
         (Mode.EXPERIMENT, Trigger.EXPERIMENT_END): Mode.ARMED,
         (Mode.FAULTED, Trigger.CLEAR): Mode.IDLE,
+        # Valves that keep an error while nothing is armed are acknowledged by the same command.
         (Mode.IDLE, Trigger.CLEAR): Mode.IDLE,
     }
     | {(mode, Trigger.DISARM): Mode.IDLE for mode in Mode if mode in PRESSURISED}
     | {(mode, Trigger.LEASE_LOST): Mode.IDLE for mode in Mode if mode in PRESSURISED}
+    # Also in FAULTED: a stop vents again, whatever the mode.
     | {(mode, Trigger.FAULT): Mode.FAULTED for mode in Mode if mode is not Mode.STOPPING}
     | {(mode, Trigger.SHUT_DOWN): Mode.STOPPING for mode in Mode}
 )
@@ -142,6 +144,7 @@ class ModeMachine:
             TransitionRefusedError: The present mode does not allow the trigger.
         """
         before, after = self._mode, self.target(trigger)
+        # Later faults are often consequences: vented valves no longer follow, the pose is lost.
         if trigger is Trigger.FAULT and before is not Mode.FAULTED:
             self._fault_cause = cause
         elif trigger is Trigger.CLEAR:

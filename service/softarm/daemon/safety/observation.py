@@ -4,9 +4,13 @@ from dataclasses import dataclass
 
 from softarm_client.modes import Mode
 
-NOT_BUSY = ""
 SETTLING_S = 5.0
 """So long after its start the service does not report what has not answered yet."""
+
+
+def too_old(age_s: float | None, deadline_s: float) -> bool:
+    """Return whether a last valid reading is missing or past its deadline."""
+    return age_s is None or age_s > deadline_s
 
 
 @dataclass(frozen=True)
@@ -35,6 +39,11 @@ class DeviceStatus:
     measured: bool = True
     sink_errors: int = 0
 
+    @property
+    def silent(self) -> bool:
+        """Whether its last valid reading is too old."""
+        return too_old(self.age_s, self.deadline_s)
+
 
 @dataclass(frozen=True)
 class Input:
@@ -57,7 +66,7 @@ class Input:
     @property
     def stale(self) -> bool:
         """Whether the last valid reading is too old."""
-        return self.age_s is None or self.age_s > self.deadline_s
+        return too_old(self.age_s, self.deadline_s)
 
 
 @dataclass(frozen=True)
@@ -81,7 +90,7 @@ class Valves:
     @property
     def lost(self) -> bool:
         """Whether the bank no longer answers."""
-        return self.age_s is None or self.age_s > self.deadline_s
+        return too_old(self.age_s, self.deadline_s)
 
 
 @dataclass(frozen=True)
@@ -147,10 +156,11 @@ class ServiceHealth:
     overruns: int
     devices: tuple[DeviceStatus, ...] = ()
     uptime_s: float = SETTLING_S
-    busy: str = NOT_BUSY
+    busy: str = ""
 
     @property
     def settling(self) -> bool:
         """Whether the service has only just begun, or still builds its estimator on a busy machine."""
-        building = self.mode is Mode.STARTING and self.busy != NOT_BUSY
+        # Compiling the estimator takes the processor for a minute; on a small host the drivers fall behind.
+        building = self.mode is Mode.STARTING and bool(self.busy)
         return self.uptime_s < SETTLING_S or building
