@@ -4,7 +4,7 @@ from bisect import bisect_right
 
 from softarm.drivers.clock import NANOSECONDS
 
-BUCKET_NS = NANOSECONDS // 2
+BUCKET_NS = NANOSECONDS // 2  # long enough that one arrival in it was hardly delayed
 BUCKETS = 64
 SKEW_SPAN_NS = 5 * NANOSECONDS
 SKEW_LIMIT = 1e-3
@@ -73,7 +73,7 @@ class ClockMap:
                 self._points[-1] = (time_ns, delay_ns)
             return
         if bucket < self._bucket:
-            return
+            return  # overtaken on the way: the hull needs rising times
         self._fit()
         self._bucket = bucket
         self._points.append((time_ns, delay_ns))

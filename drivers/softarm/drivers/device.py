@@ -124,6 +124,6 @@ async def connect_all(devices: Iterable[Device]) -> None:
 async def close_all(devices: Iterable[Device]) -> None:
     """Close devices side by side; each is closed even if another fails to."""
     outcomes = await asyncio.gather(*(device.close() for device in devices), return_exceptions=True)
-    for outcome in outcomes:
+    for outcome in outcomes:  # only now: an error must not leave another device under pressure
         if isinstance(outcome, BaseException):
             raise outcome

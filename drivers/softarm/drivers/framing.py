@@ -49,15 +49,12 @@ class Codec(Protocol[FrameT]):
     @property
     def counts(self) -> ByteCounts:
         """Bytes since the start."""
-        ...
 
     def feed(self, data: bytes) -> Decoded[FrameT]:
         """Decode the next bytes of the stream."""
-        ...
 
     def reset(self) -> None:
         """Forget a partial frame: the link was opened anew."""
-        ...
 
 
 class FrameRule(Protocol[FrameT_co]):
@@ -66,15 +63,12 @@ class FrameRule(Protocol[FrameT_co]):
     @property
     def start(self) -> bytes:
         """The bytes that every frame begins with."""
-        ...
 
     def length(self, head: bytes) -> int | None:
         """Return the length [bytes] of the frame that begins with `head`, 0 if none can, None if unclear."""
-        ...
 
     def decode(self, frame: bytes) -> FrameT_co | FrameFault:
         """Decode a frame of the right length, or return why it is not one."""
-        ...
 
 
 @dataclass(slots=True)
@@ -142,7 +136,7 @@ class FrameParser(Generic[FrameT]):
                 decoded.faults.append(outcome)
                 self._in_step = False
             self._lose(1, decoded)
-            return at + 1
+            return at + 1  # not its length: that byte may belong to a frame that really begins inside it
         decoded.frames.append(outcome)
         self.counts.since_frame = len(self._buffer) - at - length
         self._in_step = self._joined = True

@@ -1,7 +1,6 @@
 """Counters of one device: what arrived, what was refused, how long answers took."""
 
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -47,7 +46,7 @@ class Histogram:
         """Mean duration [ns]; 0 when empty."""
         return self.total_ns / self.count if self.count else 0.0
 
-    def summary(self) -> Mapping[str, float]:
+    def summary(self) -> dict[str, float]:
         """Sum up in microseconds, for people."""
         return {
             "count": self.count,
@@ -59,6 +58,7 @@ class Histogram:
 
 
 def _bin(duration_ns: int) -> int:
+    # The leading bits are the bin, as in a short floating-point number: no logarithm, no rounding.
     shift = duration_ns.bit_length() - SUB_BITS - 1
     if shift <= 0:
         return duration_ns
@@ -125,9 +125,9 @@ class Health:
         return {
             **{name: getattr(self, name) for name in COUNTERS},
             "reconnects": self.reconnects,
-            "round_trip": dict(self.round_trip.summary()),
-            "interval": dict(self.interval.summary()),
-            "drift": dict(self.drift.summary()),
+            "round_trip": self.round_trip.summary(),
+            "interval": self.interval.summary(),
+            "drift": self.drift.summary(),
             "events": dict(self.events),
             "facts": dict(self.facts),
             "alarms": [

@@ -1,6 +1,7 @@
 """Every kind of device, and the configuration file that names those of one arm."""
 
 import difflib
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -8,7 +9,7 @@ from pydantic import ValidationError
 
 from softarm.drivers.bend.device import BendConfig
 from softarm.drivers.config import DriverConfig
-from softarm.drivers.errors import ConfigurationError, DeviceErrors
+from softarm.drivers.errors import ConfigurationError, DeviceError, DeviceErrors
 from softarm.drivers.gauges.device import LineGaugeConfig, LutronConfig
 from softarm.drivers.gauges.polled import Mark10Config, SauterConfig
 from softarm.drivers.imu.device import Bno08xConfig, QuaternionLineConfig, XbusConfig
@@ -30,7 +31,7 @@ KINDS: dict[str, type[DriverConfig]] = {
     "xbus": XbusConfig,
     "quaternion_line": QuaternionLineConfig,
 }
-"""Kind as the configuration names it, to the model that its driver gives."""
+"""Kind as the configuration names it, to the model of its driver."""
 
 
 def load_devices(tables: Sequence[Mapping[str, Any]], where: str = "devices") -> tuple[DriverConfig, ...]:
@@ -46,14 +47,14 @@ def load_devices(tables: Sequence[Mapping[str, Any]], where: str = "devices") ->
     Raises:
         DeviceErrors: Every error at once, each with its device and field.
     """
-    errors: list[ConfigurationError] = []
+    errors: list[DeviceError] = []
     devices: list[DriverConfig] = []
     for index, table in enumerate(tables):
         place = f"{where}[{index}]"
         try:
             devices.append(_load(table, place))
         except DeviceErrors as error:
-            errors.extend(_configuration(error))
+            errors.extend(error.leaves())
     errors.extend(_doubles(devices, where))
     if errors:
         raise DeviceErrors(f"{where} cannot be used", errors)
@@ -91,17 +92,12 @@ def _field_error(place: str, model: type[DriverConfig], entry: Any) -> Configura
 
 
 def _doubles(devices: Sequence[DriverConfig], where: str) -> list[ConfigurationError]:
-    ports: set[str] = set()
-    doubles = []
-    for device in devices:
-        if device.name in ports:
-            doubles.append(ConfigurationError(where, f"two devices are named {device.name!r}", "rename one"))
-        ports.add(device.name)
-    return doubles
-
-
-def _configuration(errors: DeviceErrors) -> list[ConfigurationError]:
-    return [error for error in errors.leaves() if isinstance(error, ConfigurationError)]
+    counts = Counter(device.name for device in devices)
+    return [
+        ConfigurationError(where, f"{count} devices are named {name!r}", "give each its own name")
+        for name, count in counts.items()
+        if count > 1
+    ]
 
 
 def _single(place: str, what: str, cure: str) -> DeviceErrors:

@@ -56,6 +56,7 @@ class SerialDevice(Device, Generic[FrameT, Value]):
     async def open(self) -> "SerialSession":
         """Open the port."""
         link = await open_serial(self.serial, self.clock)
+        # The counters go on, but what came before says nothing of the speed of this connection.
         self.codec.reset()
         self.codec.counts.since_frame = 0
         self.joined.clear()

@@ -36,6 +36,10 @@ _CAUSES = {
 }
 
 
+Baud = Annotated[int, Field(ge=300, le=4_000_000)]
+Latency = Annotated[float, Field(ge=0, le=1)]
+
+
 class SerialConfig(DriverConfig):
     """Settings of an instrument on a serial line.
 
@@ -52,10 +56,10 @@ class SerialConfig(DriverConfig):
     """
 
     port: Annotated[str, Field(min_length=1)]
-    baud: Annotated[int, Field(ge=300, le=4_000_000)]
+    baud: Baud
     parity: Literal["N", "E", "O"] = "N"
     dtr: Literal["hold", "reset"] = "hold"
-    latency_s: Annotated[float, Field(ge=0, le=1)] = 0.0
+    latency_s: Latency = 0.0
     identify_s: Annotated[float, Field(gt=0, le=60)] = 5.0
 
     def address(self) -> str:
@@ -120,7 +124,7 @@ class SerialLink:
             either: set[asyncio.Future[Any]] = {task, self._lost}
             await asyncio.wait(either, return_when=asyncio.FIRST_COMPLETED)
             if not task.done():
-                self._lost.result()
+                self._lost.result()  # raises what ended the link
             return await task
         finally:
             task.cancel()
@@ -134,7 +138,7 @@ class SerialLink:
         """Release the port; what is not yet sent is dropped, or the kernel would wait for it."""
         self._stop_reading()
         if self._lost.done():
-            self._lost.exception()
+            self._lost.exception()  # counts as retrieved: nobody may have waited for it
         else:
             self._lost.cancel()
         with contextlib.suppress(OSError, termios.error, serial.SerialException):
@@ -173,7 +177,7 @@ async def open_serial(config: SerialConfig, clock: Clock = monotonic) -> SerialL
     """
     opening = asyncio.get_running_loop().run_in_executor(None, _open, config)
     try:
-        port = await asyncio.shield(opening)
+        port = await asyncio.shield(opening)  # a thread cannot be cancelled; its port must be closed later
     except asyncio.CancelledError:
         opening.add_done_callback(_close_unwanted)
         raise
@@ -202,8 +206,10 @@ def _open(config: SerialConfig) -> serial.Serial:
             _keep_control_lines(port.fileno())
         else:
             _pull_dtr(port)
+        # A USB adapter otherwise collects bytes for 16 ms; a pseudo-terminal has no such mode.
         with contextlib.suppress(OSError, ValueError):
             port.set_low_latency_mode(True)
+        # Bytes from before have no time of arrival.
         port.reset_input_buffer()
     except BaseException:
         port.close()

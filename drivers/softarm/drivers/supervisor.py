@@ -32,20 +32,13 @@ class ConnectionState(StrEnum):
     FAULT = "fault"
 
 
+_ENDS = frozenset({ConnectionState.FAULT, ConnectionState.DISCONNECTED})
 TRANSITIONS: dict[ConnectionState, frozenset[ConnectionState]] = {
     ConnectionState.DISCONNECTED: frozenset({ConnectionState.CONNECTING}),
-    ConnectionState.CONNECTING: frozenset(
-        {ConnectionState.IDENTIFY, ConnectionState.FAULT, ConnectionState.DISCONNECTED}
-    ),
-    ConnectionState.IDENTIFY: frozenset(
-        {ConnectionState.STREAMING, ConnectionState.FAULT, ConnectionState.DISCONNECTED}
-    ),
-    ConnectionState.STREAMING: frozenset(
-        {ConnectionState.DEGRADED, ConnectionState.FAULT, ConnectionState.DISCONNECTED}
-    ),
-    ConnectionState.DEGRADED: frozenset(
-        {ConnectionState.STREAMING, ConnectionState.FAULT, ConnectionState.DISCONNECTED}
-    ),
+    ConnectionState.CONNECTING: _ENDS | {ConnectionState.IDENTIFY},
+    ConnectionState.IDENTIFY: _ENDS | {ConnectionState.STREAMING},
+    ConnectionState.STREAMING: _ENDS | {ConnectionState.DEGRADED},
+    ConnectionState.DEGRADED: _ENDS | {ConnectionState.STREAMING},
     ConnectionState.FAULT: frozenset({ConnectionState.CONNECTING, ConnectionState.DISCONNECTED}),
 }
 """From each state to those that may follow. FAULT waits for the next attempt, or for good after a
@@ -141,6 +134,7 @@ class Supervisor:
             DeviceError: The first attempt failed. Unless it was a configuration error,
                 attempts go on until `stop`.
         """
+        # The task that gave up still closes its session; two of them would share the transport.
         if self._task is not None and self.error is not None and not self.error.retried:
             stops = self._stops
             await asyncio.wait({self._task})
@@ -242,7 +236,7 @@ class Supervisor:
             raise ConnectionLost(self.device, what, cure, limit=seconds, unit="s") from error
 
     def _begin_streaming(self) -> None:
-        self._last_reading_ns = self._valid_ns = self._clock()
+        self._last_reading_ns = self._valid_ns = self._clock()  # silence counts from here
         self.health.connections += 1
         if self._failures_in_row:
             logger.info("%s: back after %d failures", self.device, self._failures_in_row)
@@ -285,6 +279,7 @@ class Supervisor:
                 due_ns = now_ns + stale_ns
             if lost_ns is not None:
                 due_ns = min(due_ns, self._last_reading_ns + lost_ns)
+            # At least a millisecond: a reading that comes now moves the deadline, and the loop must not spin.
             await asyncio.sleep(max(due_ns - now_ns, 1_000_000) / NANOSECONDS)
 
     def _set_stale(self, now_ns: int) -> None:
@@ -312,6 +307,7 @@ class Supervisor:
         # A device that is switched off for a day would fill the log with the same line.
         level = logging.WARNING if self._failures_in_row == 1 or not error.retried else logging.DEBUG
         logger.log(level, "%s%s", error, "; tries again" if error.retried else "")
+        # In this order: alarms that clear while the state is alive would make it STREAMING again.
         self._enter(ConnectionState.FAULT)
         self.health.alarms.clear_all()
         return error

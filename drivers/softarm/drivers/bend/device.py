@@ -15,7 +15,7 @@ from softarm.drivers.bend.bendlabs import BendLine, BendStatus, bend_codec
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.reading import Sink, ignore
 from softarm.drivers.serial_device import SerialDevice
-from softarm.drivers.serial_link import SerialConfig
+from softarm.drivers.serial_link import Baud, SerialConfig
 
 Pair = tuple[float, float]
 RECALIBRATE = "recalibrate"
@@ -45,7 +45,7 @@ class BendConfig(SerialConfig):
     """
 
     kind: Literal["bendlabs"] = "bendlabs"
-    baud: Annotated[int, Field(ge=300, le=4_000_000)] = 115200
+    baud: Baud = 115200
     sensors: Annotated[int, Field(ge=1, le=16)] = 3
     order: Literal["distal_first", "base_first"] = "distal_first"
     zero_deg: tuple[Pair, ...] | None = None
@@ -103,6 +103,7 @@ class BendSensors(SerialDevice[BendLine | BendStatus, BendAngles]):
         """Follow the messages of the sketch when it starts."""
         self.health.facts["status"] = status.text
         self.health.events["status"] += 1
+        # The sketch writes text only when it starts: after angles it has started anew.
         if self._talked:
             self.stream.start_epoch("board restarted")
             self.restarted()

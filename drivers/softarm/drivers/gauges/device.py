@@ -12,7 +12,7 @@ from softarm.drivers.gauges.lutron import lutron_codec
 from softarm.drivers.gauges.sample import GaugeSample
 from softarm.drivers.reading import Sink, ignore
 from softarm.drivers.serial_device import FrameT, SerialDevice
-from softarm.drivers.serial_link import SerialConfig
+from softarm.drivers.serial_link import Baud, Latency, SerialConfig
 
 UnitName = Literal["N", "mN", "kN", "g", "kg", "tf", "lb", "klb", "oz"]
 OVER_RANGE = "over_range"
@@ -119,8 +119,8 @@ class LutronConfig(GaugeConfig):
     """
 
     kind: Literal["lutron"] = "lutron"
-    baud: Annotated[int, Field(ge=300, le=4_000_000)] = 9600
-    latency_s: Annotated[float, Field(ge=0, le=1)] = 0.017
+    baud: Baud = 9600
+    latency_s: Latency = 0.017
 
     def build(
         self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False
@@ -139,7 +139,7 @@ class LineGaugeConfig(GaugeConfig):
     """
 
     kind: Literal["line_gauge"] = "line_gauge"
-    baud: Annotated[int, Field(ge=300, le=4_000_000)] = 115200
+    baud: Baud = 115200
     separator: Annotated[str, Field(min_length=1, max_length=4)] | None = None
     column: Annotated[int, Field(ge=0, le=63)] = 0
 

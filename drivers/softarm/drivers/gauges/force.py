@@ -1,6 +1,6 @@
 """From what a gauge shows to a force: unit, direction, tare, and what the operator did to the instrument."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from softarm.drivers.gauges.sample import NEWTON_PER, GaugeSample
@@ -51,8 +51,8 @@ class ForceScale:
     pull_sign: int
     unit: str | None
     tare: float = 0.0
-    _shown: tuple[str, int] | None = field(default=None)
-    _last: float | None = field(default=None)
+    _shown: tuple[str, int] | None = None
+    _last: float | None = None
 
     def restart(self) -> None:
         """Forget the last sample: the connection is new."""

@@ -3,7 +3,7 @@
 from typing import Final
 
 from softarm.drivers.framing import FrameFault, FrameParser
-from softarm.drivers.gauges.sample import GaugeSample
+from softarm.drivers.gauges.sample import GaugeSample, shows_overload
 
 FRAME_LENGTH: Final = 16
 _START: Final = 0x02
@@ -32,19 +32,11 @@ class LutronRule:
             return FrameFault("unit", f"unit code {unit!r} is none of kg, lb, g, oz, N")
         value = int(digits) / 10**decimals
         signed = -value if polarity else value
-        return GaugeSample(signed, _UNITS[unit], decimals, _over_range(digits), display=display)
+        # The reading fills the eight digits from the right: leading zeros are those that the display lacks.
+        overload = shows_overload(digits.lstrip(b"0"))
+        return GaugeSample(signed, _UNITS[unit], decimals, overload, display=display)
 
 
 def lutron_codec() -> FrameParser[GaugeSample]:
     """Return a new parser of the stream."""
     return FrameParser(LutronRule(), head=1)
-
-
-def _over_range(digits: bytes) -> bool:
-    """Return whether the shown digits are all nines, which is how the display says overload.
-
-    The reading fills the eight digits from the right, so leading zeros are those that the display does not
-    have. At least four nines are asked for: 9, 99 and 999 are ordinary weights in grams.
-    """
-    shown = digits.lstrip(b"0")
-    return len(shown) >= 4 and not shown.strip(b"9")

@@ -16,7 +16,7 @@ from softarm.drivers.gauges.sample import GaugeSample
 from softarm.drivers.gauges.sauter import SauterCodec
 from softarm.drivers.reading import Sink, ignore
 from softarm.drivers.serial_device import FrameT
-from softarm.drivers.serial_link import SerialLink
+from softarm.drivers.serial_link import Baud, Latency, SerialLink
 
 POLARITY = "polarity"
 PEAK = "peak"
@@ -64,6 +64,7 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
 
     async def ask(self, link: SerialLink, request: bytes) -> FrameT | None:
         """Send a request and return its answer, or None if none comes in time; both are counted."""
+        # Replies bear no number: a late one must not pass for the answer to this request.
         link.flush()
         self.codec.reset()
         self._pending = asyncio.get_running_loop().create_future()
@@ -113,6 +114,7 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
         Raises:
             ProtocolError: The gauge does not know `LIST`.
         """
+        # Before any reading: without them its sign and its unit mean nothing.
         refusals = 0
         while not isinstance(reply := await self._check_settings(link), Mark10Settings):
             refusals += isinstance(reply, Mark10Error)
@@ -213,7 +215,7 @@ class Mark10Config(PolledConfig):
     """
 
     kind: Literal["mark10"] = "mark10"
-    baud: Annotated[int, Field(ge=300, le=4_000_000)] = 115200
+    baud: Baud = 115200
     pull_sign: Literal[-1, 1] = -1
     settings_s: Seconds = 1.0
 
@@ -232,10 +234,10 @@ class SauterConfig(PolledConfig):
     """
 
     kind: Literal["sauter"] = "sauter"
-    baud: Annotated[int, Field(ge=300, le=4_000_000)] = 9600
+    baud: Baud = 9600
     unit: UnitName
     silence_s: Annotated[float, Field(gt=0, le=0.1)] = 0.025
-    latency_s: Annotated[float, Field(ge=0, le=1)] = 0.007
+    latency_s: Latency = 0.007
     poll_hz: Annotated[float, Field(gt=0, le=25)] = 15.0
 
     def build(self, sink: Sink = ignore, clock: Clock = monotonic, *, observe: bool = False) -> SauterGauge:

@@ -38,6 +38,14 @@ def unit_named(text: str) -> str | None:
     return _SPELLINGS.get(text.strip().lower())
 
 
+def shows_overload(digits: bytes) -> bool:
+    """Return whether the digits are all nines, which is how a display says overload.
+
+    At least four are asked for: 9, 99 and 999 are ordinary weights in grams.
+    """
+    return len(digits) >= 4 and not digits.strip(b"9")
+
+
 @dataclass(frozen=True, slots=True)
 class GaugeSample:
     """One reading of a force gauge, as the instrument sent it.

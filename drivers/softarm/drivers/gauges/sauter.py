@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from softarm.drivers.framing import ByteCounts, Decoded, FrameFault
-from softarm.drivers.gauges.sample import GaugeSample
+from softarm.drivers.gauges.sample import GaugeSample, shows_overload
 
 REQUEST: Final = b"9"
 REPLY_LENGTH: Final = 7
@@ -63,6 +63,5 @@ def parse_reply(reply: bytes) -> GaugeSample | FrameFault:
     sign, number = match.groups()
     value = float(number)
     decimals = len(number.partition(b".")[2])
-    digits = number.strip().replace(b".", b"")
-    over_range = len(digits) >= 4 and not digits.strip(b"9")
-    return GaugeSample(-value if sign == b"0" else value, None, decimals, over_range)
+    overload = shows_overload(number.strip().replace(b".", b""))
+    return GaugeSample(-value if sign == b"0" else value, None, decimals, overload)

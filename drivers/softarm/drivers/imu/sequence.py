@@ -1,6 +1,6 @@
 """What the sequence numbers and the rate of an inertial unit show: lost samples, restarts, wrong settings."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Final
 
 from softarm.drivers.clock import NANOSECONDS
@@ -43,7 +43,7 @@ class IndexTracker:
 
     modulus: int
     period_ns: int | None
-    _last: tuple[int, int] | None = field(default=None)
+    _last: tuple[int, int] | None = None
     _index: int = 0
 
     def restart(self) -> None:

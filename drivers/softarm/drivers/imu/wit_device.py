@@ -1,9 +1,9 @@
 """A WitMotion unit: its output is checked, and set if it is wrong."""
 
 import asyncio
-from typing import Annotated, Literal
+from typing import Literal
 
-from pydantic import Field, model_validator
+from pydantic import model_validator
 
 from softarm.drivers.clock import Clock, monotonic
 from softarm.drivers.errors import ProtocolError
@@ -12,7 +12,7 @@ from softarm.drivers.imu.device import RATE_TOLERANCE, RATE_WINDOW_S, Imu, ImuCo
 from softarm.drivers.imu.sample import ImuSample
 from softarm.drivers.imu.witmotion import WitCodec
 from softarm.drivers.reading import Sink, ignore
-from softarm.drivers.serial_link import SerialLink
+from softarm.drivers.serial_link import Baud, SerialLink
 
 SETTLE_S = 0.6
 """Time over which kinds and rate of frames are counted [s]."""
@@ -34,7 +34,7 @@ class WitConfig(ImuConfig):
     """
 
     kind: Literal["witmotion"] = "witmotion"
-    baud: Annotated[int, Field(ge=300, le=4_000_000)] = 115200
+    baud: Baud = 115200
     orientation: Literal["quaternion", "angles"] = "quaternion"
     configure: bool = True
 
@@ -49,6 +49,7 @@ class WitConfig(ImuConfig):
         if self.rate_hz not in witmotion.RATES:
             offered = ", ".join(f"{rate:g}" for rate in witmotion.RATES)
             raise ValueError(f"rate_hz {self.rate_hz:g} is none of {offered}")
+        # A unit whose line is too slow lowers its rate by itself, without a word.
         bits = self.rate_hz * len(self.frames) * _BITS_PER_FRAME
         if bits > 0.85 * self.baud:
             raise ValueError(
@@ -123,6 +124,7 @@ class WitImu(Imu[ImuSample]):
         ):
             link.write(command)
             await asyncio.sleep(COMMAND_GAP_S)
+        # Not saved in the unit, which may serve other programs: the driver sets it again when it must.
 
     def _as_configured(self, counts: dict[int, int], seconds: float) -> bool:
         expected = self.rate_hz * seconds

@@ -71,6 +71,7 @@ def decode_bodies(packet: bytes) -> BodyFrame | FrameFault | None:
     width = WIDTHS.get(kind)
     if width is None:
         return _search(packet)
+    # The count comes from the wire: it must fit the component before it sizes an array.
     if size != _BODIES_OFFSET + 4 * bodies * width or _COMPONENTS_START + size > len(packet):
         return FrameFault("component", f"{bodies} bodies of kind {kind} in a component of {size} bytes")
     values = _array((bodies, width), _FLOAT, packet, _SMALLEST)

@@ -54,7 +54,7 @@ class QtmConnection(asyncio.Protocol):
             PacketKind.EVENT: self._on_event,
             PacketKind.NO_MORE_DATA: self._on_no_more_data,
         }
-        self._welcome = self.expect(PacketKind.COMMAND)
+        self._welcome = self.expect(PacketKind.COMMAND)  # first in line: QTM speaks first
 
     async def welcome(self) -> str:
         """Wait for the greeting.
@@ -103,7 +103,8 @@ class QtmConnection(asyncio.Protocol):
             answer = self._requests.popleft().answer
             if not answer.done():
                 answer.set_exception(error)
-                answer.exception()
+                answer.exception()  # counts as retrieved: nobody may be waiting for it any more
+        # Abort: `close` would wait for a peer that no longer reads.
         if self._transport is not None:
             self._transport.abort()
         if self.listener is not None:
@@ -156,13 +157,14 @@ class QtmConnection(asyncio.Protocol):
             self.listener.on_error(text)
 
     def _on_reply(self, packet: bytes) -> None:
-        kind = packet[4]
+        kind = packet[4]  # the low byte of the kind; the parser knows no kind above 9
         if self._requests and self._requests[0].kind == kind:
             self._answer(packet)
         elif self.listener is not None:
             self.listener.on_unexpected(packet_text(packet)[:80])
 
     def _on_event(self, packet: bytes) -> None:
+        # QTM answers `GetState` with an event, not with a reply.
         event = packet[HEADER_LENGTH]
         waits = self._requests and self._requests[0].kind == PacketKind.EVENT
         if waits and event not in NEVER_A_STATE:

@@ -79,6 +79,7 @@ class _Replies(asyncio.DatagramProtocol):
 
     def datagram_received(self, data: bytes, addr: tuple[str | Any, int]) -> None:
         host = parse_reply(data, addr[0])
+        # Bounded: anybody on the network may answer.
         if isinstance(host, QtmHost) and host not in self.hosts and len(self.hosts) < 64:
             self.hosts.append(host)
 

@@ -91,6 +91,7 @@ class PacketParser:
     def feed(self, data: bytes) -> Decoded[Packet]:
         """Decode the next bytes and return the packets and faults that they complete."""
         if self._idle and _DATA_SMALLEST <= len(data) <= _DATA_LARGEST:
+            # Usually a segment is one data packet: no copy, at up to 500 of them a second.
             size, kind = _unpack_header(data)
             if size == len(data) and kind == _DATA:
                 return _new(Decoded, ([(kind, data)], []))
@@ -115,6 +116,7 @@ class PacketParser:
         while end - at >= HEADER_LENGTH:
             size, kind = _unpack_header(data, at)
             smallest, largest = SIZES.get(kind, (HEADER_LENGTH, LARGEST_SKIPPED))
+            # Checked before anything waits for it: a size of 0 would loop, one of 4 GB fill the memory.
             if not smallest <= size <= largest:
                 faults.append(self._break(size, kind))
                 return
@@ -145,7 +147,7 @@ class PacketParser:
 
 def encode_command(text: str) -> bytes:
     """Return the packet of a command."""
-    body = text.encode() + b"\0"
+    body = text.encode() + b"\0"  # the size counts bytes, not characters
     return _HEADER.pack(HEADER_LENGTH + len(body), PacketKind.COMMAND) + body
 
 

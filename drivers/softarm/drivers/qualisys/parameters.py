@@ -40,6 +40,7 @@ class Parameters:
 
 def parse_parameters(text: str) -> Parameters | FrameFault:
     """Parse an XML packet in either layout, or return what is wrong with it."""
+    # Entities can expand a few lines to gigabytes; QTM sends none.
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         return FrameFault("xml", "settings with a document type: not from QTM")
     try:

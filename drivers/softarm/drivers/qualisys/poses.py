@@ -11,7 +11,7 @@ Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 _EULER: Final = frozenset({Component.SIX_D_EULER, Component.SIX_D_EULER_RESIDUAL})
-_ORTHONORMAL_TOLERANCE: Final = 1e-2
+_ORTHONORMAL_TOLERANCE: Final = 1e-2  # QTM sends single precision; a scrambled matrix is off by far more
 _MILLIMETRE: Final = 1e-3
 
 
@@ -44,6 +44,7 @@ def poses(frame: BodyFrame) -> list[BodyPose | None]:
 def _from_matrix(row: list[float]) -> BodyPose | None:
     x, y, z, *columns = row
     quaternion = quaternion_from_columns(columns)
+    # x - x is 0 for finite numbers and NaN for the others, at a fraction of the time of isfinite.
     if quaternion is None or not (x - x == y - y == z - z == 0.0):
         return None
     residual = columns[9] * _MILLIMETRE if len(columns) == 10 else None

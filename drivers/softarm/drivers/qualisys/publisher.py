@@ -89,10 +89,12 @@ class Continuity:
         last, self._last = self._last, (timestamp_us, frame)
         if last is None:
             return FrameStep()
+        # Both start again with each measurement; between two frames neither ever goes back.
         if timestamp_us < last[0] or frame < last[1]:
             return FrameStep(restarted=True)
         if timestamp_us == last[0]:
             return FrameStep(frozen=True)
+        # Gaps are normal: QTM skips frames to keep its latency low.
         return FrameStep(lost=max(0, (frame - last[1]) // self._stride - 1))
 
 
@@ -158,6 +160,7 @@ class MotionPublisher:
         named = fitting and arrival_ns >= self._named_from_ns
         measured = poses(frame) if named else []
         by_name = {name: measured[index] for index, name in (self._labels or ()) if named}
+        # Mapped here, because the known latency comes off the estimate for the arrival.
         device_ns = frame.timestamp_us * 1000
         mapped_ns = self._stream.clock_map.update(device_ns, arrival_ns, self._stream.epoch)
         measured_ns = mapped_ns - round(self._config.latency_s * NANOSECONDS)

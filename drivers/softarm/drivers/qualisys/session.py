@@ -14,17 +14,15 @@ from softarm.drivers.qualisys.parameters import STANDARD_EULER, Parameters, pars
 from softarm.drivers.qualisys.publisher import MotionPublisher, QtmConfig
 
 VERSIONS: Final = ("1.25", "1.24", "1.23", "1.22", "1.21", "1.20", "1.19")
-"""Protocol versions, tried one after the other."""
+"""Protocol versions, tried one after the other; a client that names none is served version 1.1."""
 
 GREETING: Final = "QTM RT Interface connected"
 """What QTM greets with; its manual prints a full stop behind it, QTM itself does not."""
 
 WAITING = "waiting"
 NAMES = "names"
-_RENAMING: Final = frozenset(
-    {QtmEvent.CAPTURE_STARTED, QtmEvent.RT_FROM_FILE_STARTED, QtmEvent.CAMERA_SETTINGS_CHANGED}
-)
 _STARTING: Final = frozenset({QtmEvent.CAPTURE_STARTED, QtmEvent.RT_FROM_FILE_STARTED})
+_RENAMING: Final = _STARTING | {QtmEvent.CAMERA_SETTINGS_CHANGED}
 
 
 class QtmSession:
@@ -64,7 +62,7 @@ class QtmSession:
         self._health.facts["version"] = packet_text(await self._ask("QTMVersion", PacketKind.COMMAND))
         state = await self._ask("GetState", PacketKind.EVENT)
         self._health.facts["state"] = _event_name(state[HEADER_LENGTH])
-        await self._read_names()
+        await self._read_names()  # before the stream, whose bodies bear no names
         self._start_stream()
 
     async def stream(self) -> None:
@@ -74,6 +72,7 @@ class QtmSession:
                 async with asyncio.timeout(self._config.heartbeat_s):
                     await self._wake.wait()
             except TimeoutError:
+                # While nothing is measured QTM answers `StreamFrames` with "no more data": ask again.
                 self._stream_due = self._stream_due or WAITING in self._health.alarms
             self._wake.clear()
             await self._follow()
@@ -218,10 +217,8 @@ class QtmSession:
         if event in _RENAMING:
             self._publisher.forget_names(self._clock())
             self._names_due = True
-            self._names_requested_ns -= self._pause_ns
-        if event in _STARTING:
-            self._stream_due = True
-        if event in _RENAMING or event in _STARTING:
+            self._names_requested_ns -= self._pause_ns  # at once, however short ago they were read
+            self._stream_due = self._stream_due or event in _STARTING
             self._wake.set()
 
     def on_no_more_data(self) -> None:

@@ -59,8 +59,8 @@ class ValveBank(Device):
         timing = Timing(
             stale_after_s=config.stale_after_s,
             lost_after_s=config.lost_after_s,
-            identify_s=25.0 if slow else 3.0,
-            close_s=15.0 if slow else 1.0,
+            identify_s=25.0 if slow else 3.0,  # the slots of a VTEM take up to 20 s to start regulating
+            close_s=15.0 if slow else 1.0,  # and 11 s to exhaust and stop
         )
         super().__init__(config.name, config.source, timing=timing, clock=clock, random=random)
         self.limits = PressureLimits(config.maximum, config.slew_pa_per_s, config.max_lifetime_s)

@@ -9,8 +9,11 @@ from softarm.drivers.config import DriverConfig, Seconds
 from softarm.drivers.valves.registers import RegisterLayout
 
 COUNT_LIMIT = 0x7FFF
+"""Words are signed."""
 WATCHDOG_MIN_MS = 100
+"""Festo's own client sets no shorter one, which might exclude the node from the terminal."""
 PASSES_PER_WATCHDOG = 3
+"""Two passes in a row may fail before the terminal vents."""
 
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 

@@ -34,6 +34,7 @@ class EchoMonitor:
     def attempted(self, counts: Counts, now_ns: int) -> None:
         """Record a write that was sent, whether or not it was confirmed."""
         if self._writes and self._writes[-1][1] == counts:
+            # Renewed every pass: its time is that of the change, or it would never be old.
             self._before_last = None
             return
         self._writes.append((now_ns, counts))
@@ -53,6 +54,7 @@ class EchoMonitor:
 
     def judge(self, echo: Counts, now_ns: int) -> Verdict:
         """Judge an echo that was just read."""
+        # What was replaced longer ago than the lag may no longer show; the last write always may.
         while len(self._writes) > 1 and self._writes[1][0] <= now_ns - self._lag_ns:
             self._writes.popleft()
         if any(echo == counts for _, counts in self._writes):

@@ -32,7 +32,7 @@ async def look(terminal: Terminal, device: str, health: Health) -> tuple[int, ..
         await terminal.probe_echo()
     except ModbusExceptionError as refusal:
         if refusal.busy:
-            raise
+            raise  # says nothing of the registers, so it must not end the attempts for good
         what = f"has no {terminal.layout.valves} valves where its kind has them: {refusal.what}"
         raise ConfigurationError(device, what, "check kind and unit of the terminal") from refusal
     standing = (await terminal.read()).inputs.echo
@@ -49,6 +49,7 @@ async def guard(
     Raises:
         ConfigurationError: The terminal keeps a longer watchdog than wanted.
     """
+    # Zeros first, whichever way: what an earlier host left must not stand while the rest is settled.
     layout = terminal.layout
     if isinstance(layout, VtemLayout):
         await activate(terminal.link, layout, device, clock)

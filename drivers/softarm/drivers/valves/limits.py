@@ -38,6 +38,7 @@ def check_setpoint(device: str, setpoint: Sequence[float], maximum: Sequence[flo
         count = len(maximum)
         raise LimitError(device, what, f"give {count} pressures", value=len(setpoint), limit=count)
     for chamber, (pressure, most) in enumerate(zip(setpoint, maximum, strict=True)):
+        # Never negative: such a valve goes wild at a negative set-point. NaN would become some integer.
         if not (math.isfinite(pressure) and 0.0 <= pressure <= most):
             what = f"set-point of chamber {chamber} is out of range ({pressure:g} Pa)"
             cure = f"ask for 0 to {most:g} Pa gauge"

@@ -33,7 +33,7 @@ class ModbusExceptionError(DeviceError):
         address: First register of the request.
     """
 
-    retried = False
+    retried = False  # the same request meets the same refusal; only `busy` passes
 
     def __init__(self, device: str, function: int, code: int, address: int) -> None:
         meaning = EXCEPTIONS.get(code, "unknown exception")

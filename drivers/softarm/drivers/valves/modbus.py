@@ -125,6 +125,8 @@ class ModbusTcpLink:
     async def _ask(
         self, request: Callable[[], Awaitable[ModbusPDU]], function: int, address: int
     ) -> ModbusPDU:
+        # `request` is a function because pymodbus raises at the call, not at the await, when it has no
+        # transport.
         began_ns = self._clock()
         self._pending = True
         task = asyncio.current_task()
@@ -134,6 +136,7 @@ class ModbusTcpLink:
             if task and task.cancelling() > cancelled:
                 # Before Python 3.12 `wait_for`, under pymodbus, loses a cancellation that meets the answer.
                 raise asyncio.CancelledError
+        # A write that timed out may still be carried out later: `NoAnswer` leaves the outputs unknown.
         except ModbusException as error:
             if not self._client.connected:
                 raise ConnectionLost(self._device, "dropped the connection", CURE) from error
@@ -160,6 +163,7 @@ class ModbusTcpLink:
     def _on_connection(self, connected: bool) -> None:
         if connected or not self._pending:
             return
+        # Its request would wait for the whole time-out of a connection that is gone.
         pending: asyncio.Future[ModbusPDU] = self._client.ctx.response_future
         if not pending.done():
             pending.set_exception(ConnectionLost(self._device, "dropped the connection", CURE))

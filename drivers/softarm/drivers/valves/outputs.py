@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from softarm.drivers.clock import NANOSECONDS, Clock, monotonic
 from softarm.drivers.errors import InterlockError
-from softarm.drivers.valves.limits import PressureLimits, limit_lifetime, limit_step
+from softarm.drivers.valves.limits import PressureLimits, check_setpoint, limit_lifetime, limit_step
 from softarm.drivers.valves.pressures import ChamberMap, Pressures
 
 
@@ -63,7 +63,7 @@ class Outputs:
         Args:
             reason: Why, for whoever tries to command it.
         """
-        if self.armed:
+        if self.armed:  # the first reason stays: later ones are often its consequences
             self.armed = False
             self.reason = reason
         self._drop()
@@ -92,7 +92,7 @@ class Outputs:
         if not self.armed:
             raise InterlockError(self._device, f"accepts no set-point: {self.reason}", "arm it first")
         limit_lifetime(self._device, lifetime_s, self.limits)
-        limit_step(self._device, setpoint, self._level, self.limits, 0.0)
+        check_setpoint(self._device, setpoint, self.limits.maximum)
         self._setpoint = tuple(float(pressure) for pressure in setpoint)
         self._deadline_ns = self._clock() + round(lifetime_s * NANOSECONDS)
 
@@ -104,7 +104,7 @@ class Outputs:
         """
         expired = self._setpoint is not None and self._clock() >= self._deadline_ns
         if expired:
-            self._drop()
+            self._drop()  # zeros at once: the slew limit holds for set-points, not for venting
         if self._setpoint is not None:
             self._level = limit_step(self._device, self._setpoint, self._level, self.limits, seconds)
         counts = self.chambers.to_counts(self._level, self.limits.maximum)

@@ -11,8 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+# Addresses go on the wire as they stand here; this terminal takes no "-40001". The process inputs begin at
+# 45392 and the outputs at 40001, but their first words (3 and 2) are the diagnosis interface of the bus node.
 INPUTS = 45395
 OUTPUTS = 40003
+# In no manual of the terminal; known from Festo's own client for other nodes, so the driver probes it.
 WATCHDOG = 46100
 MODULES_PRESENT = 45367
 MODULES_FAULTY = 45383
@@ -144,11 +147,8 @@ class VtemLayout:
         diagnosis = tuple(
             0 if status.regulating else word for status, word in zip(statuses, words[0::3], strict=True)
         )
-        return TerminalInputs(
-            _pairs(words),
-            None,
-            tuple(word for word in diagnosis for _ in range(2)),
-        )
+        # The inputs hold no set-points; `Terminal.read` reads the output block back instead.
+        return TerminalInputs(_pairs(words), None, tuple(word for word in diagnosis for _ in range(2)))
 
     def encode(self, counts: Sequence[int]) -> list[int]:
         """Write set-points under the command that keeps both valves of each slot regulating."""
@@ -156,6 +156,7 @@ class VtemLayout:
 
     def encode_command(self, app: int, control: int, counts: Sequence[int]) -> list[int]:
         """Write the same command to every slot, with set-points [counts]."""
+        # Bits 5 to 0 of a command word are the app, bits 7 and 6 its control.
         return self._encode([app | control << 6] * self.slots, counts)
 
     @property
@@ -165,6 +166,7 @@ class VtemLayout:
 
     def acknowledge(self, counts: Sequence[int], diagnosis: Sequence[int]) -> list[int]:
         """Write the set-points; a slot that does not regulate is asked to release its error."""
+        # Only where an error stands: a slot that acknowledges does not regulate.
         regulate, clear = VTEM_PRESSURE_APP | VTEM_BOTH_VALVES << 6, VTEM_ACKNOWLEDGE | 1 << 6
         return self._encode([clear if word else regulate for word in diagnosis[0::2]], counts)
 

@@ -21,7 +21,9 @@ from softarm.drivers.valves.watchdog import WatchdogState
 
 CLOSE_ATTEMPTS = 3
 QUIET_NS = NANOSECONDS // 4
+"""Silence after which a terminal without a watchdog is read before it is written [ns]."""
 CALM_NS = NANOSECONDS
+"""The echo must be ours for so long before its alarms clear: another master may write now and then [ns]."""
 
 
 class BankSession:
@@ -96,7 +98,7 @@ class BankSession:
         if self._observe:
             self._watchdog = await look_at_watchdog(self._terminal, self._health)
             return
-        self._wrote = True
+        self._wrote = True  # before the first write: one that fails half-way must be vented by `close` too
         if standing is not None:
             # What an earlier host left may still show in the first echoes; it is no foreign writer.
             self._echo.attempted(standing, self._clock())
@@ -129,6 +131,7 @@ class BankSession:
         try:
             sample = await self._read() if self._must_read(tick) else None
             if not self._observe:
+                # The host stalled over that read: a write now would hide outputs that the watchdog cleared.
                 if sample is not None and self._silent:
                     sample = await self._read()
                 sample = await self._write() or sample
@@ -137,7 +140,7 @@ class BankSession:
                 raise ConfigurationError(self._device, refusal.what, refusal.cure) from refusal
             self._health.events["terminal busy"] += 1
             self._check_taken(refusal)
-            return
+            return  # an answer all the same: no miss
         except (NoAnswer, ProtocolError) as error:
             self._miss(error)
             return
@@ -157,6 +160,7 @@ class BankSession:
 
         It is fed when it is asked: a host may stall while the answer is on its way.
         """
+        # Half the time-out: a pass that begins just before the watchdog fires may end after it.
         quiet_ns = self._watchdog.milliseconds * 500_000 if self._watchdog.milliseconds else QUIET_NS
         return self._clock() - self._fed_ns > quiet_ns
 
@@ -179,9 +183,8 @@ class BankSession:
         asked_ns = self._clock()
         try:
             sample = await self._terminal.write(plan.counts, plan.acknowledge)
-        # A refusal is an answer: the terminal has not taken them.
         except ModbusExceptionError:
-            self._unknown = False
+            self._unknown = False  # a refusal is an answer: the terminal has not taken them
             self._echo.refused()
             raise
         self._unknown = False
@@ -202,6 +205,7 @@ class BankSession:
             return
         self._odd_ns = sample.arrival_ns
         self._verdict = verdict
+        # Both vent and disarm: nothing may move again before somebody has seen the alarm.
         if verdict is Verdict.ZEROED:
             new, reason = self._alarms.watchdog_fired(), "the terminal cleared its outputs"
         else:

@@ -9,6 +9,7 @@ from softarm.drivers.valves.registers import INPUTS, OUTPUTS, RegisterLayout, Te
 ILLEGAL_FUNCTION = 1
 ILLEGAL_ADDRESS = 2
 UNSUPPORTED = (ILLEGAL_FUNCTION, ILLEGAL_ADDRESS)
+"""A node without function 23, or without readable outputs, answers with either."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,6 +36,7 @@ async def activate(link: RegisterLink, layout: VtemLayout, device: str, clock: C
         ConnectionLost: A slot did not get there in time.
     """
     zeros = [0] * layout.valves
+    # Always, also without an error: a slot that kept one from an earlier host would not start.
     await link.write(OUTPUTS, layout.encode_command(VTEM_ACKNOWLEDGE, 1, zeros))
     await asyncio.sleep(ACKNOWLEDGE_S)
     await link.write(OUTPUTS, layout.encode_command(VTEM_PRESSURE_APP, VTEM_BOTH_VALVES, zeros))
@@ -54,9 +55,10 @@ async def deactivate(link: RegisterLink, layout: VtemLayout, device: str, clock:
     """
     zeros = [0] * layout.valves
     await link.write(OUTPUTS, layout.encode(zeros))
-    await asyncio.sleep(EXHAUST_S)
+    await asyncio.sleep(EXHAUST_S)  # the chambers must be empty before regulation ends
     await link.write(OUTPUTS, layout.encode_command(VTEM_INACTIVE, 0, zeros))
     deadline_ns = clock() + round(DEACTIVATE_S * NANOSECONDS)
+    # A slot in error regulates nothing and would never report that it is ready.
     while busy := [
         slot for slot, status in await _statuses(link, layout) if status.state not in (VTEM_READY, VTEM_ERROR)
     ]:

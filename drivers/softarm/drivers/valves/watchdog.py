@@ -57,6 +57,7 @@ async def set_watchdog(link: RegisterLink, device: str, wanted_ms: int) -> Watch
             raise
         return WatchdogState(None, f"host side only: the terminal refuses to set register {WATCHDOG}")
     state = await read_watchdog(link)
+    # Zero never fires. The terminal may keep another value than was written; a shorter one is safe.
     if state.milliseconds is None or not 0 < state.milliseconds <= wanted_ms:
         what = "terminal keeps another watchdog than was set"
         cure = f"set watchdog_ms to {state.milliseconds}, or the terminal's time-out by hand"
