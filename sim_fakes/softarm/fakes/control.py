@@ -197,7 +197,7 @@ class ControlPort:
             self._server.close()
         for writer in self._writers:
             writer.close()
-        await asyncio.sleep(0)
+        await asyncio.sleep(0)  # lets the transports close before the loop ends
 
     async def _converse(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._writers.add(writer)

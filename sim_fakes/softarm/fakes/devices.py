@@ -81,6 +81,7 @@ class DeviceSurroundings:
 
 def seed_of(seed: int, name: str) -> int:
     """Return a device its own seed, whatever other devices there are."""
+    # Not `hash`, which Python salts anew in every process.
     return zlib.crc32(f"{seed}/{name}".encode())
 
 

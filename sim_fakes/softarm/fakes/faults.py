@@ -137,6 +137,7 @@ def _check_parameter(where: str, fault: Fault, key: str, value: Value) -> None:
             where, f"no parameter {key!r}", nearest(key, parameters) if parameters else "it takes none"
         )
     default = fault.parameters[key]
+    # JSON and TOML write 1 for 1.0; and in Python True is an int.
     wanted = (int, float) if isinstance(default, float) else type(default)
     if not isinstance(value, wanted) or (isinstance(value, bool) and not isinstance(default, bool)):
         raise InputError(where, f"{key} = {value!r}", f"give a value like {default!r}")

@@ -47,6 +47,7 @@ def build_plant(part: PlantPart, seed: int) -> MountedArm:
 
 def _dynamic_arm(part: PlantPart, seed: int) -> MountedArm:
     """Load the physics engine, which the still arm does without."""
+    # Imported here, since the engine is an extra that the still arm does not need.
     try:
         from softarm.fakes.plant.arm import FakeArm
         from softarm.fakes.plant.from_specimen import arm_of

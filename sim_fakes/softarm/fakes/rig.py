@@ -95,6 +95,7 @@ class Rig:
         if scenario.cord is not None:
             cord = scenario.cord
             self.world.tie(Cord(cord.section, cord.hook_m, cord.length_m))
+        # Checked now: a scripted fault with a wrong name must not end the rig in the middle of a run.
         for fault in scenario.fault:
             self.boards[fault.device].check(fault.fault, fault.parameters, fault.times)
 
@@ -277,7 +278,7 @@ async def running(scenario: Scenario) -> AsyncIterator[Rig]:
             ) from None
         clock = Clock()
         rig = Rig(scenario, clock, folder)
-        clock.restart()
+        clock.restart()  # building the arm takes seconds, which the scenario's times do not count
         ready = asyncio.Event()
         serving = asyncio.create_task(rig.run(ready), name="fakes")
         serving.add_done_callback(lambda _: ready.set())

@@ -99,5 +99,6 @@ class FakeArmWorld:
 async def run_world(world: FakeArmWorld, clock: Clock, tick: float = 2e-3) -> None:
     """Keep a world at the time of a clock, forever; the loop gets its turn at least every 50 steps."""
     while True:
+        # A world that is behind sleeps for no time but gives up the loop: the wires go on meanwhile.
         reached = world.advance(clock.now())
         await clock.sleep_until(world.time + max(tick, world.step) if reached else 0.0)

@@ -1,4 +1,4 @@
-"""Discovery of QTM by UDP (``devices.md`` section 4.3)."""
+"""Discovery of QTM by UDP."""
 
 import asyncio
 import struct
@@ -6,7 +6,6 @@ from typing import cast
 
 from softarm.fakes.qtm.packets import COMMAND, DISCOVER, HEADER
 
-REQUEST = struct.Struct("<II")
 PORT = struct.Struct(">H")
 
 
@@ -20,7 +19,7 @@ def discovery_reply(request: bytes, base_port: int) -> tuple[bytes, int] | None:
     Returns:
         The reply and the port it goes to; None when the datagram is no request.
     """
-    if len(request) != 10 or REQUEST.unpack_from(request) != (10, DISCOVER):
+    if len(request) != 10 or HEADER.unpack_from(request) != (10, DISCOVER):
         return None
     words = b"fake, QTM 2.3 (build 464), 8 cameras\0"
     size = HEADER.size + len(words) + PORT.size

@@ -1,4 +1,4 @@
-"""Packets of the QTM RT protocol, little endian (``devices.md`` sections 4.2 and 4.4)."""
+"""Packets of the QTM RT protocol, little endian (Qualisys' documentation of it)."""
 
 import math
 import struct
@@ -103,7 +103,7 @@ def data_packet(frame: MeasuredFrame, components: Sequence[str]) -> bytes:
 def _component(frame: MeasuredFrame, name: str) -> bytes:
     kind, floats, fields = COMPONENTS[name]
     layout = struct.Struct(f"<{floats}f")
-    lost = b"\xff" * layout.size
+    lost = b"\xff" * layout.size  # packing NaN would give another bit pattern than QTM's
     bodies = b"".join(lost if body is None else layout.pack(*fields(body)) for body in frame.bodies)
     head = COMPONENT_HEADER.pack(
         COMPONENT_HEADER.size + len(bodies), kind, len(frame.bodies), frame.drop_rate, frame.out_of_sync

@@ -13,6 +13,7 @@ from softarm.fakes.qtm import packets
 from softarm.fakes.qtm.measurement import MotionMeasurement
 from softarm.fakes.qtm.packets import HEADER, MeasuredFrame
 from softarm.fakes.qtm.session import WELCOME, ClientSession, FrameStream
+from softarm.fakes.tcp import reset
 
 MOST_CLIENTS = 10
 LONGEST_COMMAND = 65536
@@ -127,6 +128,7 @@ class QtmServer:
             if again := self.faults.hit("restart"):
                 self._restart(announced=bool(again["announced"]))
             elif not self._running:
+                # Keeps the next exposure in the future, so that this loop waits and does not spin.
                 self.measurement.start(self._clock.now())
             elif frame is not None:
                 self.last_frame = frame
@@ -136,6 +138,7 @@ class QtmServer:
         """Start a measurement."""
         self._running = True
         self.measurement.start(self._clock.now())
+        # Before the first exposure `GetCurrentFrame` has something to return, with every body lost.
         self.last_frame = MeasuredFrame(0, 0, [None for _ in self.measurement.bodies])
         self.announce(CAPTURE_STARTED)
 
@@ -296,6 +299,7 @@ class _Client(asyncio.Protocol):
             return
         if stream.udp is not None:
             self._server.send_datagram(data, stream, self.session.peer)
+        # A client that does not read loses frames; QTM does not keep them for it.
         elif self._transport is None or self._transport.get_write_buffer_size() <= BACKLOG_LIMIT:
             self._send_cut(data)
 
@@ -330,7 +334,4 @@ class _Client(asyncio.Protocol):
 
     def reset(self) -> None:
         """Close with a TCP reset instead of an orderly end."""
-        if self._transport is not None:
-            sock = self._transport.get_extra_info("socket")
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-            self._transport.abort()
+        reset(self._transport)

@@ -1,8 +1,8 @@
-"""What one client of QTM has asked for, and the replies it gets (``devices.md`` section 4.3)."""
+"""What one client of QTM has asked for, and the replies it gets."""
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from softarm.fakes.qtm import packets
@@ -26,22 +26,21 @@ class FrameStream:
         components: Components in the order asked for.
         share: Frames sent per frame captured, at most 1.
         udp: Address and port for datagrams; None for the TCP connection.
-        credit: Part of a frame that is due.
+        credit: Part of a frame that is due; the first captured frame goes out.
     """
 
     components: tuple[str, ...]
     share: float
     udp: tuple[str | None, int] | None
-    credit: float = 0.0
+    credit: float = field(init=False)
 
     def __post_init__(self) -> None:
-        """Restart the frame number at 1."""
         self.credit = 1.0 - self.share
 
     def due(self) -> bool:
         """Return whether the next captured frame goes out."""
         self.credit += self.share
-        if self.credit < 1.0 - 1e-9:
+        if self.credit < 1.0 - 1e-9:  # thirds and tenths do not add up to 1 exactly
             return False
         self.credit -= 1.0
         return True
@@ -118,7 +117,7 @@ class ClientSession:
         if self._software.last_frame is None:
             return packets.packet(packets.NO_MORE_DATA)
         self.stream = stream
-        return b""
+        return b""  # QTM acknowledges a stream by its frames alone
 
     def _take_control(self, rest: str) -> bytes:
         software = self._software

@@ -5,7 +5,15 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.fakes.parts import InertialPart
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.rotation import Quaternion, Vector, from_rotation_vector, multiply, roll_pitch_yaw, rotate
+from softarm.fakes.rotation import (
+    Quaternion,
+    Vector,
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    roll_pitch_yaw,
+    rotate,
+)
 
 ACCELERATION_NOISE = 0.02
 """Standard deviation of an acceleration [m/s2]."""
@@ -50,13 +58,11 @@ class Attitude:
     def acceleration(self, state: PlantState) -> Vector:
         """Sense the specific force in the unit's axes [m/s2]."""
         x, y, z = (float(c) for c in state.specific_forces[self._section])
-        w, a, b, c = self._mount
-        gravity = rotate((w, -a, -b, -c), (x, y, z))
+        gravity = rotate(conjugate(self._mount), (x, y, z))
         noise = ACCELERATION_NOISE * self._random.standard_normal(3)
         return (gravity[0] + float(noise[0]), gravity[1] + float(noise[1]), gravity[2] + float(noise[2]))
 
     def angular_velocity(self, state: PlantState) -> Vector:
         """Sense the angular velocity in the unit's axes [rad/s]."""
         x, y, z = (float(c) for c in state.angular_velocities[self._section])
-        w, a, b, c = self._mount
-        return rotate((w, -a, -b, -c), (x, y, z))
+        return rotate(conjugate(self._mount), (x, y, z))

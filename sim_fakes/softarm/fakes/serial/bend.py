@@ -1,4 +1,4 @@
-"""The lab's Arduino with BendLabs sensors: lines of angles in degrees (``devices.md`` section 5)."""
+"""The lab's Arduino with BendLabs sensors: lines of angles in degrees."""
 
 import math
 
@@ -127,6 +127,7 @@ class BendBoard(Instrument):
                 angles[2 * sensor : 2 * sensor + 2] = [float(angle) for angle in measured]
         raw = np.degrees(np.array(angles) + self._random.normal(0.0, self._noise, len(angles)))
         numerator, denominator = self._filter
+        # The filter starts settled, or each boot would look like an arm that unbends.
         if not self._greeted:
             self._past_in, self._past_out = np.stack([raw, raw]), np.stack([raw, raw])
         smooth = numerator[0] * raw + numerator[1:] @ self._past_in - denominator @ self._past_out

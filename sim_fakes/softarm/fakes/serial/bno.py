@@ -1,4 +1,4 @@
-"""BNO080/085 in UART-RVC mode: 19 bytes at 100 Hz (``devices.md`` section 7.1)."""
+"""BNO080/085 in UART-RVC mode: 19 bytes at 100 Hz (BNO080 datasheet, page 21)."""
 
 import math
 import struct
@@ -82,6 +82,7 @@ class BnoRvc(Instrument):
     def _frame(self, state: PlantState) -> bytes:
         roll, pitch, yaw = map(math.degrees, roll_pitch_yaw(self._attitude.orientation(state)))
         if self._index == 0xAA and self.faults.hit("false_header"):
+            # The low byte of yaw follows the index on the wire; this changes it by less than 2.56 degrees.
             yaw = ((round(100.0 * yaw) & ~0xFF) | 0xAA) / 100.0
             yaw = yaw - 2.56 if yaw > 180.0 else yaw
         return rvc_frame(self._index, (yaw, pitch, roll), self._attitude.acceleration(state))

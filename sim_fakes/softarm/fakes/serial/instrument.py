@@ -31,7 +31,7 @@ class Beat:
         """Pass the beat that is due at ``time`` [s]."""
         self.next += 1.0 / self.rate
         if time - self.next > 1.0:
-            self.next = time
+            self.next = time  # after a stall of the host, or it would send a burst that no device sends
 
 
 class Instrument:

@@ -1,4 +1,4 @@
-"""Lutron gauge: a stream of 16 characters, output only (``devices.md`` section 6.1)."""
+"""Lutron gauge: a stream of 16 characters, output only (FG-6005SD manual, page 29)."""
 
 import math
 
@@ -30,7 +30,7 @@ def lutron_frame(value: float, unit: str, display: int = 1) -> bytes:
     """
     code, decimals = UNITS[unit]
     digits = 99999999 if math.isinf(value) else round(abs(value) * 10**decimals)
-    sign = b"1" if value < 0 and digits else b"0"
+    sign = b"1" if value < 0 and digits else b"0"  # no display shows minus zero
     return b"\x024%d%b%b%d%08d\r" % (display, code, sign, decimals, min(digits, 99999999))
 
 

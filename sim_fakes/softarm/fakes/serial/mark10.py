@@ -1,4 +1,4 @@
-"""Mark-10 gauge with GCL2 commands (``devices.md`` section 6.2)."""
+"""Mark-10 gauge with GCL2 commands (manuals of Series 4 and 5)."""
 
 import math
 import re
@@ -64,7 +64,7 @@ class FakeMark10(Instrument):
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:
         """Handle command bytes and return the replies to the commands that they complete."""
-        self._buffer += data.replace(b"\n", b"")
+        self._buffer += data.replace(b"\n", b"")  # commands end with CR or CRLF
         replies = b""
         while (end := self._buffer.find(b"\r")) >= 0:
             command = bytes(self._buffer[:end])

@@ -16,8 +16,11 @@ from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.instrument import BITS_PER_BYTE, Instrument
 
 CHUNK = 16
+"""Bytes written at once: at 9600 baud they take 17 ms, as a USB adapter delivers them."""
 IDLE = 0.02
+"""How long the port sleeps at most [s]: a host that opens it is noticed by polling."""
 HAIR = 1e-9
+"""Rounding of times that are due [s]."""
 
 SPEEDS = {
     number: getattr(termios, f"B{number}")
@@ -63,11 +66,12 @@ class SerialPort:
     def plug(self) -> None:
         """Make the terminal, point the link at it and switch the instrument on."""
         controller, terminal = pty.openpty()
-        tty.setraw(terminal)
+        tty.setraw(terminal)  # fresh ones echo, and would feed the instrument its own bytes
         os.set_blocking(controller, False)
         fresh = self.link.with_name(f".{self.link.name}.{os.getpid()}")
         fresh.symlink_to(os.ttyname(terminal))
-        fresh.replace(self.link)
+        fresh.replace(self.link)  # at once: a host never finds the link half made
+        # Ours would hide whether a host has the terminal open: only without one does the controller hang up.
         os.close(terminal)
         self._controller = controller
         self._poll.register(controller, select.POLLIN)
@@ -104,6 +108,7 @@ class SerialPort:
         if self._controller is None:
             return
         hung_up = any(events & select.POLLHUP for _, events in self._poll.poll(0))
+        # The reader comes off with the host: a controller that has hung up is readable for ever.
         if self._open and hung_up:
             self._detach()
         elif not self._open and not hung_up:
@@ -143,6 +148,7 @@ class SerialPort:
             data = self._lose_bytes(data)
         if faults.active("bit_flip"):
             data = self._flip_bits(data)
+        # A pseudo-terminal carries bytes at any speed: a wrong one must be shown on purpose.
         if self.instrument.checks_baud and self._host_baud() != self.instrument.baud:
             data = self._garble(data)
         self._queue += data
@@ -182,6 +188,7 @@ class SerialPort:
             return
         chunk = bytes(self._queue[:CHUNK])
         del self._queue[:CHUNK]
+        # A little lateness is made up for, so that the mean rate is that of the line.
         late = now - self._line_free
         start = self._line_free if late < IDLE else now
         self._line_free = start + len(chunk) * BITS_PER_BYTE / self.instrument.baud
@@ -192,7 +199,7 @@ class SerialPort:
         try:
             written = os.write(controller, chunk)
         except (BlockingIOError, InterruptedError):
-            written = 0
+            written = 0  # the host does not read: bytes are lost, as in a receiver that overruns
         except OSError:
             self._detach()
             return

@@ -1,4 +1,4 @@
-"""The lab's sketch with BNO055 sensors: ``Quaternion of IMU 1:w,x,y,z`` (``devices.md`` section 7.5)."""
+"""The lab's sketch with BNO055 sensors: ``Quaternion of IMU 1:w,x,y,z``."""
 
 from collections.abc import Sequence
 

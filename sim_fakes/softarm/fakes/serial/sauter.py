@@ -1,4 +1,4 @@
-"""Sauter FH gauge: seven characters per request, no terminator (``devices.md`` section 6.3)."""
+"""Sauter FH gauge: seven characters per request, no terminator (FH manual, page 13)."""
 
 import math
 

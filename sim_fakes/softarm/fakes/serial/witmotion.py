@@ -1,4 +1,4 @@
-"""WitMotion module: eleven-byte frames by a content mask, and its configuration (section 7.2)."""
+"""WitMotion module: eleven-byte frames by a content mask, and its configuration (WT901 datasheet)."""
 
 import math
 import struct
@@ -94,7 +94,7 @@ class WitMotion(Instrument):
             self._unlocked_until = time + UNLOCKED_S
         elif self._needs_unlock and time > self._unlocked_until:
             return
-        elif register == SAVE:
+        elif register == SAVE:  # what is not saved is lost with the power
             self._saved = dict(self._registers)
         elif register == BAUD:
             self.baud = BAUDS.get(value, self.baud)

@@ -1,4 +1,4 @@
-"""Xsens module on Xbus: states, acknowledgements, MTData2 (``devices.md`` section 7.3)."""
+"""Xsens module on Xbus: states, acknowledgements, MTData2."""
 
 import struct
 
@@ -9,14 +9,8 @@ from softarm.fakes.serial.attitude import Attitude
 from softarm.fakes.serial.bno import CHECKSUM_FAULT, GAP_FAULT, SLIP_FAULT
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, spoiled
 
-GO_TO_MEASUREMENT, GO_TO_CONFIG, DATA, WAKE_UP, ERROR, OUTPUT_CONFIGURATION = (
-    0x10,
-    0x30,
-    0x36,
-    0x3E,
-    0x42,
-    0xC0,
-)
+GO_TO_MEASUREMENT, GO_TO_CONFIG, OUTPUT_CONFIGURATION = 0x10, 0x30, 0xC0
+DATA, WAKE_UP, ERROR = 0x36, 0x3E, 0x42
 TICKS_PER_SECOND = 10_000
 WAKE_UP_WAIT = 0.5
 INVALID_MESSAGE = 4
@@ -119,11 +113,12 @@ class XbusModule(Instrument):
         return None
 
     def _answer(self, time: float, kind: int, data: bytes) -> bytes:
+        # An acknowledgement has the number of its message plus one.
         if kind == WAKE_UP + 1 or kind == GO_TO_CONFIG:
             self._measuring = False
             return b"" if kind == WAKE_UP + 1 else xbus_message(kind + 1)
         if self._measuring:
-            return b""
+            return b""  # a module that measures heeds nothing but GoToConfig
         if kind == GO_TO_MEASUREMENT:
             self._measuring = True
             self._beat.start(time)

@@ -57,7 +57,7 @@ def _write_many(registers: CpxNode, pdu: bytes) -> bytes:
 def _exchange(registers: CpxNode, pdu: bytes) -> bytes:
     read_address, read_count, address, count, size = struct.unpack(">HHHHB", pdu[1:10])
     _check(1 <= read_count <= MOST_READ and 1 <= count <= MOST_EXCHANGED and size == 2 * count)
-    registers.write(address, struct.unpack(f">{count}H", pdu[10:]))
+    registers.write(address, struct.unpack(f">{count}H", pdu[10:]))  # the write comes before the read
     return bytes([23, 2 * read_count]) + _words(registers.read(read_address, read_count))
 
 

@@ -1,7 +1,7 @@
 """Registers of a CPX Modbus node: process image, status block, diagnosis interface, watchdog.
 
-Addresses are those on the wire (``devices.md`` sections 1.1 to 1.3). What the meaning of a diagnosis word
-is on the real MPA module is not documented; here it is the CPX error number.
+Addresses are those on the wire: of Festo's CPX-E manual, and that of the watchdog of Festo's own client. What
+a diagnosis word means on the real MPA module is not documented; here it is the CPX error number.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,6 +10,7 @@ from typing import Protocol
 from softarm.estimator.arrays import Floats
 from softarm.fakes.faults import Fault, FaultBoard
 
+# Words 0 and 1 of the outputs and 0 to 2 of the inputs are the function-number interface of the node.
 OUTPUTS = 40001
 PROCESS_WORDS = 256
 DIAGNOSIS_PARAMETERS = 40257
@@ -142,12 +143,13 @@ class CpxNode:
         silent = 0.0 if self._last_request is None else time - self._last_request
         if self._watchdog_ms and silent * 1e3 > self._watchdog_ms:
             self.watchdog_trips += 1
-            self._last_request = None
+            self._last_request = None  # fires once; the next request starts it again
             self._fail_safe()
         if self.faults.hit("watchdog_fired"):
             self._fail_safe()
         if intruder := self.faults.hit("second_master"):
             self._outputs[2 + self._bank.setpoint_word(int(intruder["channel"]))] = int(intruder["mbar"])
+        # The echo follows here and not at the write: a real node copies its image once per cycle of its own.
         self._bank.update(time, self._outputs[2:])
         self._stale = True
 

@@ -75,6 +75,7 @@ class Pneumatics:
             free: Valves that still move, shape (valves,).
         """
         step, self._time = time - self._time, time
+        # Only changes: at 500 steps a second the history of a dead time would grow long.
         if not np.array_equal(setpoints, self._history[-1][1]):
             self._history.append((time, setpoints.copy()))
         target = self._see("valve", None, time, self._target())

@@ -2,11 +2,11 @@
 
 import asyncio
 import socket
-import struct
 
 from softarm.fakes.clock import Clock
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.parts import ValvesPart
+from softarm.fakes.tcp import reset
 from softarm.fakes.valves.modbus import LONGEST_PDU, MBAP, execute
 from softarm.fakes.valves.node import DEVICE_BUSY, CpxNode
 
@@ -131,15 +131,12 @@ class _Link(asyncio.Protocol):
 
     def reset(self) -> None:
         """Close with a TCP reset instead of an orderly end."""
-        if self._transport is not None:
-            sock = self._transport.get_extra_info("socket")
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
-            self._transport.abort()
+        reset(self._transport)
 
     def _serve(self, transaction: int, unit: int, pdu: bytes) -> None:
         port, faults = self._port, self._port.faults
         if faults.hit("freeze"):
-            return
+            return  # before the watchdog is fed: a frozen node serves nobody
         port.requests += 1
         port.node.note_request(port.clock.now())
         if dropped := faults.hit("drop_after_request"):
@@ -185,7 +182,7 @@ class _Link(asyncio.Protocol):
 
     def _write(self, frame: bytes) -> None:
         if self._held is not None:
-            self._held += frame
+            self._held += frame  # behind the second half of a split answer: TCP keeps the order
         elif self._transport is None or self._transport.is_closing():
             return
         elif self._port.faults.hit("split_reply"):

@@ -1,7 +1,7 @@
 """VTEM motion terminal: eight slots of two valves, each slot with its own state machine.
 
-Words, modes and states as in ``devices.md`` section 1.5; how long the slots take is a guess within the
-limits that the public driver waits for.
+Words, modes and states as in Festo's manual of the terminal and in tud-cor-sr/ros2-vtem-control; how long the
+slots take is a guess within the limits that this driver waits for.
 """
 
 from collections.abc import Mapping, Sequence
@@ -62,7 +62,7 @@ class _Slot:
         if mode == ACKNOWLEDGE:
             self.target, self.due = (ACKNOWLEDGE, READY), time + DEACTIVATION_S
         elif self.target[1] == ERROR:
-            return
+            return  # a slot in error heeds nothing but the acknowledgement
         elif mode in (0, INACTIVE):
             self.target, self.due = (INACTIVE, READY), time + DEACTIVATION_S
         elif mode == PRESSURE_REGULATION:
