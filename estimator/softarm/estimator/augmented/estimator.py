@@ -16,12 +16,7 @@ from softarm.estimator.effects.accepted import accepted_physics
 from softarm.estimator.effects.effect import Memory
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.effects.readings import QUATERNION, turns
-from softarm.estimator.effects.simulate import (
-    advance_with,
-    recorded_turn,
-    simulate_with,
-    standing_pressures,
-)
+from softarm.estimator.effects.simulate import advance_with, recorded_turn, simulate_with, standing_pressures
 from softarm.estimator.effects.world import World
 from softarm.estimator.inverse import ArmEstimate, Estimator, TrackerSettings
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load

@@ -69,10 +69,7 @@ class Options:
 
 
 def calibrate(
-    model: BatchArmModel,
-    specimen: Specimen,
-    runs: Sequence[CalibrationRun],
-    options: Options | None = None,
+    model: BatchArmModel, specimen: Specimen, runs: Sequence[CalibrationRun], options: Options | None = None
 ) -> Calibrated:
     """Fit moduli, chamber gains and biases, and the alignment of sensors to recordings.
 

@@ -10,13 +10,7 @@ from softarm.estimator.calibration.identifiability import Identified
 from softarm.estimator.calibration.setting import gravity_axes
 from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.rotations import exp, from_quaternions, log
-from softarm.estimator.specimen import (
-    BendCalibration,
-    ChamberCalibration,
-    FrameCalibration,
-    Specimen,
-    Value,
-)
+from softarm.estimator.specimen import BendCalibration, ChamberCalibration, FrameCalibration, Specimen, Value
 
 ZERO = Value(value=0.0)
 

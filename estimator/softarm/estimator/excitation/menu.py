@@ -38,12 +38,7 @@ def growing_cycles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     path, full = ManoeuvrePath(limits), _one_of_each(segments, limits, 0)
     for level in np.repeat([0.25, 0.5, 0.75, 1.0], 2):
         path.go(level * full, 3.5).vent(3.5)
-    return Manoeuvre(
-        "growing_cycles",
-        "softening on first stretch",
-        path.times,
-        path.pressures,
-    )
+    return Manoeuvre("growing_cycles", "softening on first stretch", path.times, path.pressures)
 
 
 def each_alone(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: ARG001
@@ -121,10 +116,7 @@ def poses(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
         path.go(level, 0.5).hold(5.0)
     path.vent(0.5).hold(2.0)
     return Manoeuvre(
-        "poses",
-        "loads, contacts and other effects that depend on the pose",
-        path.times,
-        path.pressures,
+        "poses", "loads, contacts and other effects that depend on the pose", path.times, path.pressures
     )
 
 

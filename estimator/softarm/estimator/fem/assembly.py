@@ -90,12 +90,7 @@ class Body:
         return RotationStrain.of(self.points, self.mesh_blocks, self.pattern.free_nodes)
 
     def evaluate(
-        self,
-        positions: Floats,
-        pressures: Floats,
-        scales: Floats,
-        *,
-        tangent: bool = True,
+        self, positions: Floats, pressures: Floats, scales: Floats, *, tangent: bool = True
     ) -> AssembledForces:
         """Evaluate forces, volumes and, where wanted, the tangent.
 

@@ -198,12 +198,7 @@ def _half_sector(
         ),
         _ring(inner, (edge, middle), outer, (rim, middle), (around, through)),
         Patch(
-            line(root, tip),
-            arc(ORIGIN, inner, edge, middle),
-            line(diagonal, far),
-            core,
-            (around, around),
-            0,
+            line(root, tip), arc(ORIGIN, inner, edge, middle), line(diagonal, far), core, (around, around), 0
         ),
     ]
 

@@ -20,12 +20,7 @@ ELEMENTS: Mapping[str, ElementKind] = {
     "hexahedron": "hex8",
     "hexahedron20": "hex20",
 }
-FACETS: Mapping[str, FacetKind] = {
-    "triangle": "tri3",
-    "triangle6": "tri6",
-    "quad": "quad4",
-    "quad8": "quad8",
-}
+FACETS: Mapping[str, FacetKind] = {"triangle": "tri3", "triangle6": "tri6", "quad": "quad4", "quad8": "quad8"}
 OTHER_SOLIDS = ("wedge", "pyramid", "hexahedron24", "hexahedron27", "polyhedron")
 UNREADABLE = (meshio.ReadError, OSError, ValueError, KeyError, IndexError, AssertionError)
 

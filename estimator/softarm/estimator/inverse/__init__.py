@@ -14,11 +14,7 @@ from softarm.estimator.inverse.objectives import (
     WeightedRows,
 )
 from softarm.estimator.inverse.observability import Observability
-from softarm.estimator.inverse.program import (
-    QuadraticProgram,
-    build_program,
-    solve_program,
-)
+from softarm.estimator.inverse.program import QuadraticProgram, build_program, solve_program
 from softarm.estimator.inverse.tracker import Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.inverse.unknowns import Unknowns
 

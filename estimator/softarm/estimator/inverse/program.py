@@ -40,11 +40,7 @@ class QuadraticProgram:
 
 
 def build_program(
-    rows: Sequence[WeightedRows],
-    limits: InputBounds,
-    vector: Floats,
-    scale: Floats,
-    radius: float,
+    rows: Sequence[WeightedRows], limits: InputBounds, vector: Floats, scale: Floats, radius: float
 ) -> QuadraticProgram:
     """Gather the objectives' rows: H = S sum(J^T R^-1 J) S, g = S sum(J^T R^-1 r), S = diag(scale).
 

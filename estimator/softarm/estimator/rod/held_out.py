@@ -85,10 +85,7 @@ def check_rod(
         executor: Threads that solve the model.
     """
     compared = []
-    kinds = (
-        (lateral_loads(specimen), plan),
-        (untrained_loads(specimen), replace(plan, kinds=CONTACTS)),
-    )
+    kinds = ((lateral_loads(specimen), plan), (untrained_loads(specimen), replace(plan, kinds=CONTACTS)))
     for number, (loads, rays) in enumerate(kinds):
 
         def advance(done: int, every: int, number: int = number) -> None:

@@ -71,12 +71,7 @@ def strain_between(
 
 @njit(cache=True, nogil=True)
 def action_points(
-    strain: Floats,
-    length: Floats,
-    rotations: Floats,
-    positions: Floats,
-    actions: Actions,
-    points: Floats,
+    strain: Floats, length: Floats, rotations: Floats, positions: Floats, actions: Actions, points: Floats
 ) -> None:
     """Fill the places of the actions [m], shape (actions, 3).
 

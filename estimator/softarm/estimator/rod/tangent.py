@@ -12,12 +12,7 @@ from softarm.estimator.vectors import add_rotated_back, cross, rotate, rotate_ba
 
 @njit(cache=True, nogil=True)
 def link_motion(
-    strain: Floats,
-    rotation: Floats,
-    middle: Floats,
-    chord: Floats,
-    far: Floats,
-    motion: Floats,
+    strain: Floats, rotation: Floats, middle: Floats, chord: Floats, far: Floats, motion: Floats
 ) -> None:
     """Fill the motion that each strain of a link causes.
 

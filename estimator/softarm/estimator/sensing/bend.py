@@ -8,13 +8,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
 from softarm.estimator.rotations import exp, left_jacobian, skew
-from softarm.estimator.sensing.measurement import (
-    Sensitivity,
-    Unit,
-    section_rotation,
-    transpose,
-    twist_rows,
-)
+from softarm.estimator.sensing.measurement import Sensitivity, Unit, section_rotation, transpose, twist_rows
 
 MIRROR = np.diag([1.0, -1.0])
 

@@ -186,12 +186,7 @@ class SensorSuite:
         if math.isfinite(whole.innovation.sum()):
             return Observation(whole.innovation, whole.twists, covariance, self._every_row)
         rows = np.flatnonzero(np.isfinite(whole.innovation))
-        return Observation(
-            whole.innovation[rows],
-            whole.twists[rows],
-            covariance[rows][:, rows],
-            rows,
-        )
+        return Observation(whole.innovation[rows], whole.twists[rows], covariance[rows][:, rows], rows)
 
     @cached_property
     def _every_row(self) -> NDArray[np.int64]:

@@ -94,8 +94,7 @@ def trsm(
     reals[0] = 1.0
     i, t = ints.ctypes.data, letters.ctypes.data
     call_address(
-        blas[1],
-        (t + side, t, t + transposed, t + 1, i, i + 4, reals.ctypes.data, a, i + 8, b, i + 12),
+        blas[1], (t + side, t, t + transposed, t + 1, i, i + 4, reals.ctypes.data, a, i + 8, b, i + 12)
     )
 
 

@@ -4,10 +4,6 @@ Only what follows an arm live imports this package; ``FiniteElementModel`` is th
 reference.
 """
 
-from softarm.estimator.fem.tracking.model import (
-    BackgroundFactorisation,
-    TrackingModel,
-    TrackingState,
-)
+from softarm.estimator.fem.tracking.model import BackgroundFactorisation, TrackingModel, TrackingState
 
 __all__ = ["BackgroundFactorisation", "TrackingModel", "TrackingState"]
