@@ -9,24 +9,18 @@ from softarm.estimator.fem.parity.rings import wall_rings
 from softarm.estimator.geometry import Resolution, build_mesh
 from softarm.estimator.geometry.checks import element_volumes
 from softarm.estimator.mesh import Mesh
-from softarm.estimator.model import Load
+from softarm.estimator.model import Load, loads_along
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Section, Specimen
 
 
 def default_loads(specimen: Specimen, sections: Sequence[str] = ()) -> tuple[Load, ...]:
-    """Return two lateral forces at every rigid section that is not held, named ``<section>_x`` and ``_y``.
-
-    Args:
-        specimen: Description.
-        sections: Only at these; at all of them where empty.
-    """
-    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
+    """Return two lateral forces at every rigid section that is not held, or at those that are named."""
     return tuple(
-        Load(f"{section.name}_{axis}", "force", direction, section=section.name)
+        load
         for section in specimen.sections
         if section.frame_origin_m[2] > specimen.clamp.up_to_m and (not sections or section.name in sections)
-        for axis, direction in axes.items()
+        for load in loads_along(section.name, "xy", section=section.name)
     )
 
 

@@ -1,6 +1,6 @@
 """The error that wrong input raises, and advice on words that are not known."""
 
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from difflib import get_close_matches
 
 
@@ -18,6 +18,16 @@ class InputError(ValueError):
         self.where = where
         self.what = what
         self.cure = cure
+
+
+def require_known(where: str, kind: str, name: str, names: Collection[str]) -> None:
+    """Refuse a name that is not among those of its kind.
+
+    Raises:
+        InputError: It is none of them.
+    """
+    if name not in names:
+        raise InputError(where, f"no {kind} {name!r}", f"use one of {', '.join(names) or 'none'}")
 
 
 def suggest(name: str, names: Iterable[str], otherwise: str, cutoff: float = 0.5) -> str:

@@ -43,6 +43,21 @@ class Load:
     height: float | None = None
 
 
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def loads_along(
+    name: str,
+    axes: str,
+    kind: Literal["force", "moment"] = "force",
+    *,
+    section: str | None = None,
+    height: float | None = None,
+) -> tuple[Load, ...]:
+    """Make one load along each of some axes of the base frame, named ``<name>_<axis>``; see ``Load``."""
+    return tuple(Load(f"{name}_{axis}", kind, AXES[axis], section, height) for axis in axes)
+
+
 @dataclass(frozen=True)
 class Inputs:
     """What drives the arm.

@@ -187,11 +187,7 @@ def log(rotations: Floats) -> Floats:
 def left_jacobian(vectors: Floats) -> Floats:
     """Compute J with exp(v + d) = exp(J d) exp(v) for small d (Barfoot, State Estimation, eq. 7.77).
 
-    Args:
-        vectors: Rotation vectors v [rad], shape (..., 3). The right Jacobian is that at -v.
-
-    Returns:
-        Matrices, shape (..., 3, 3).
+    The rotation vectors v [rad] have shape (..., 3), J (..., 3, 3). The right Jacobian is that at -v.
     """
     return _mapped(jacobian_kernel, vectors, 3, (3, 3))
 
@@ -199,11 +195,7 @@ def left_jacobian(vectors: Floats) -> Floats:
 def inverse_left_jacobian(vectors: Floats) -> Floats:
     """Compute J^-1 with log(exp(d) exp(v)) = v + J^-1 d for small d (Barfoot, State Estimation, eq. 7.76).
 
-    Args:
-        vectors: Rotation vectors v [rad], shape (..., 3). The right Jacobian's inverse is that at -v.
-
-    Returns:
-        Matrices, shape (..., 3, 3).
+    The rotation vectors v [rad] have shape (..., 3). The right Jacobian's inverse is that at -v.
     """
     return _mapped(inverse_jacobian_kernel, vectors, 3, (3, 3))
 

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import require_known
 from softarm.estimator.rotations import exp, from_quaternions
 from softarm.estimator.sensing import (
     ActuationMap,
@@ -56,9 +56,7 @@ class SpecimenSensors:
         }
 
     def _index(self, section: str) -> int:
-        if section not in self.sections:
-            listed = ", ".join(self.sections)
-            raise InputError("sensor", f"no section {section!r}", f"the specimen's sections are {listed}")
+        require_known("sensor", "section", section, self.sections)
         return self.sections.index(section)
 
     def bend(self, section: str) -> Bend:
@@ -116,17 +114,15 @@ class SpecimenSensors:
         Raises:
             InputError: The specimen has no such marker.
         """
-        for marker in self.specimen.markers:
-            if marker.name == name:
-                return MarkerPosition(
-                    f"marker_{name}",
-                    self._index(marker.section),
-                    self.specimen.noise.marker_m,
-                    np.array(marker.offset_m),
-                    registration=self.registration,
-                )
-        names = ", ".join(marker.name for marker in self.specimen.markers) or "none"
-        raise InputError(f"marker {name}", "is not in the specimen", f"its markers are {names}")
+        markers = {marker.name: marker for marker in self.specimen.markers}
+        require_known("sensor", "marker", name, markers)
+        return MarkerPosition(
+            f"marker_{name}",
+            self._index(markers[name].section),
+            self.specimen.noise.marker_m,
+            np.array(markers[name].offset_m),
+            self.registration,
+        )
 
     def actuation(self) -> ActuationMap:
         """From recorded pressures to those in the chambers."""

@@ -105,12 +105,9 @@ def _simplex_points(first: float, dimension: int, volume: float) -> tuple[Floats
 
 
 def quadrature(kind: str) -> tuple[Floats, Floats]:
-    """Return the quadrature points and weights of a kind.
+    """Return the quadrature points, shape (points, dimension), and weights of a kind in parent coordinates.
 
     The 20-node hexahedron is integrated with 2 x 2 x 2 points (reduced), which keeps it free of locking.
-
-    Returns:
-        Points in parent coordinates, shape (points, dimension), and weights, shape (points,).
     """
     match kind:
         case "tet4":
@@ -132,11 +129,7 @@ def quadrature(kind: str) -> tuple[Floats, Floats]:
 def volume_form(kind: str) -> tuple[Indices, Floats]:
     """Expand 1/3 int x . (x,s x x,t) ds dt over a facet in determinants of its nodes.
 
-    Args:
-        kind: Facet kind.
-
-    Returns:
-        Triples a < b < c, shape (terms, 3), and their coefficients, shape (terms,).
+    The determinants are those of triples a < b < c, shape (terms, 3), with coefficients, shape (terms,).
     """
     if kind.startswith("tri"):
         # Degree 4 in barycentric coordinates: collapse a 4 x 4 Gauss rule onto the triangle.
@@ -145,9 +138,7 @@ def volume_form(kind: str) -> tuple[Indices, Floats]:
         points = np.column_stack([u, v * (1.0 - u)])
         measure = 0.25 * np.outer(weights, weights).ravel() * (1.0 - u)
     else:
-        nodes, weights = np.polynomial.legendre.leggauss(4)
-        points = np.column_stack([g.ravel() for g in np.meshgrid(nodes, nodes, indexing="ij")])
-        measure = np.outer(weights, weights).ravel()
+        points, measure = _gauss(4, 2)
     value, slope = shape_functions(kind, points)
     form = np.einsum("q,qa,qb,qc->abc", measure, value, slope[:, :, 0], slope[:, :, 1]) / 3.0
     odd = form.transpose(1, 0, 2) + form.transpose(0, 2, 1) + form.transpose(2, 1, 0)

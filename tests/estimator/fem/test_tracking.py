@@ -67,9 +67,9 @@ def test_a_nearer_factor_is_taken_over_only_where_the_arm_has_just_moved(arm_of:
         state, _ = tracking.solve(_inputs(0.0), tracking.rest())
         state, _ = _follow(tracking, state, _inputs(0.3))
         background.wait()
-        background.offer(state.displacement, state.inputs)
+        background.ask((state.displacement, state.inputs))
         background.wait()
-        held, nearer = state.tangent, background.latest
+        held, nearer = state.tangent, background.newest
         assert held is not nearer
         correcting, arrived = replace(state, forces=1e3), replace(state, forces=np.inf)
         assert tracking.linearise(correcting, state.inputs).tangent is held

@@ -9,7 +9,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.model import Inputs, Load
 from softarm.estimator.response import BatchInputs
 from softarm.estimator.rod.laws import feature_slopes, features, term_table
-from softarm.estimator.rod.skin import placed, skin
+from softarm.estimator.rod.skin import skin
 from softarm.estimator.rod.statics import place, strain_between
 from softarm.estimator.rotations import exp, log
 from tests.estimator.derivatives import derivative_error
@@ -71,7 +71,7 @@ def test_a_small_lateral_force_bends_it_as_a_beam() -> None:
     _, turn, state = tip(rod, Inputs(np.zeros(6), np.array([force]), STILL))
     assert turn[1] == pytest.approx(force * known.LENGTH**2 / (2 * known.BENDING), rel=1e-6)
     across = force * known.LENGTH**3 / (3 * known.BENDING) + force * known.LENGTH / known.SHEAR
-    assert placed(rod.chain, state).positions[-1, 0] == pytest.approx(across, rel=1e-4)
+    assert rod.chain.station_frames(state).positions[-1, 0] == pytest.approx(across, rel=1e-4)
 
 
 def test_more_links_converge_with_order_two() -> None:
@@ -185,7 +185,7 @@ def test_the_skin_of_a_rod_at_rest_is_the_body_and_follows_its_end() -> None:
     assert np.allclose(skin(points, rod.chain, rod.rest()), points, atol=1e-12)
     bent = replace(rod, chain=rod.chain)
     state, _ = bent.solve(Inputs(np.zeros(6), np.array([0.0, 0.0, 0.4, 0.0]), HANGING), rod.rest())
-    frames = placed(rod.chain, state)
+    frames = rod.chain.station_frames(state)
     end = np.array([[0.01, 0.0, known.LENGTH]])
     there = frames.positions[-1] + frames.rotations[-1] @ np.array([0.01, 0.0, 0.0])
     assert np.allclose(skin(end, rod.chain, state)[0], there, atol=1e-12)

@@ -85,14 +85,14 @@ def test_the_rows_are_the_derivatives(law: StretchLaw, rest: Frames) -> None:
 
     steps = 1e-6 * np.eye(18)
     numeric = np.stack([(moved(step) - moved(-step)) / 2e-6 for step in steps], axis=1)
-    np.testing.assert_allclose(law.rows(frames), numeric, atol=1e-7)
+    np.testing.assert_allclose(law.linearise(frames)[1], numeric, atol=1e-7)
 
 
 def test_a_chamber_that_ends_at_no_section_is_not_stretched(sopra: Specimen, rest: Frames) -> None:
     alone = StretchLaw.of(sopra, ("base",))
     first = Frames(rest.positions[:1] + 0.01, rest.rotations[:1])
     assert not alone.stretches(first).any()
-    assert not alone.rows(first).any()
+    assert not alone.linearise(first)[1].any()
 
 
 def test_the_equilibrium_is_that_of_the_pressures_at_its_own_stretch(arm: StretchedModel, state: Any) -> None:  # type: ignore[type-arg]

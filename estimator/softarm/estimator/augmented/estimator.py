@@ -105,15 +105,7 @@ def estimator_of(
 def registered_again(
     suite: SensorSuite, arm: RespondingArm, world: World, effects: Sequence[PlacedEffect], drive: Drive
 ) -> SensorSuite:
-    """Find the laboratory by the base at rest, where the base that was recorded had turned.
-
-    Args:
-        suite: Sensors, registered by the mean pose of the recorded base or not at all.
-        arm: The arm without effects.
-        world: What the effects refer to.
-        effects: The effects, of which some may turn the base.
-        drive: What acted along the recording without them.
-    """
+    """Find the laboratory by the base at rest, where the base that was recorded had turned."""
     if not suite.base_recorded or all(placed.field != "base_rotation" for placed in effects):
         return suite
     rotations = simulate_with(effects, arm, world, drive).drive.base_rotation
@@ -200,13 +192,9 @@ class AugmentedEstimator(Generic[State, Step]):
         return self._estimator.model
 
     def unshaped(self, pressures: Floats) -> Floats:
-        """Return the pressures that the effects turn into given ones once they stand still.
+        """Return the pressures that the effects turn into given ones [Pa], shape (chambers,), in the end.
 
-        Args:
-            pressures: As they act in the chambers [Pa], shape (chambers,).
-
-        Returns:
-            As they are measured, but for the sensors' gains [Pa]; none is below zero.
+        They are as measured, but for the sensors' gains; none is below zero.
         """
         commanded = np.maximum(pressures, 0.0)
         for _ in range(UNSHAPING):

@@ -89,15 +89,12 @@ def arrange(
 ) -> CalibrationRun:
     """Arrange a recording.
 
+    ``sections`` are those of the model, of the specimen when left out. Gauges count as known forces where
+    ``loads`` are given, as of ``section_forces``.
+
     Bends, poses and markers become sensors with the specimen's noise and calibration; markers and poses of
     the first section register the laboratory in the base frame. Pressures are
     brought to the times of the motion.
-
-    Args:
-        recording: What was recorded.
-        specimen: The robot it was recorded on.
-        sections: Names of the model's sections; those of the specimen when left out.
-        loads: The model's loads, as ``section_forces`` gives them, where gauges count as known forces.
 
     Raises:
         InputError: The recording has a section or chamber that the specimen lacks, no motion, pressures above

@@ -73,11 +73,7 @@ def calibrate(
 ) -> Calibrated:
     """Fit moduli, chamber gains and biases, and the alignment of sensors to recordings.
 
-    Args:
-        model: Model of the specimen.
-        specimen: The robot; its calibration is what is known beforehand.
-        runs: The recordings, arranged.
-        options: What to do.
+    The present calibration of the specimen is what is known beforehand.
 
     Raises:
         CalibrationRefusedError: The recordings hold too little motion, the model finds no equilibrium for

@@ -10,7 +10,7 @@ from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import build_layout
 from softarm.estimator.calibration.nodes import NEVER_TOGETHER, TOGETHER, Nodes, choose_nodes
-from softarm.estimator.calibration.outcome import quantity_of
+from softarm.estimator.calibration.outcome import by_quantity
 from softarm.estimator.calibration.regression import estimate_lag
 from softarm.estimator.calibration.scatter import rms
 from softarm.estimator.errors import InputError
@@ -54,11 +54,7 @@ def check_drift(
 ) -> tuple[Drift, ...]:
     """Compare recordings with what the specimen's calibration predicts for them.
 
-    Args:
-        model: Model of the specimen, with its calibration.
-        specimen: The calibrated robot.
-        runs: New recordings, arranged for it.
-        nodes: Largest number of samples over all.
+    The model has the calibration of the specimen; ``nodes`` is the largest number of samples over all runs.
 
     Raises:
         InputError: The specimen does not say how its calibration scattered, or no sensor is shared.
@@ -70,10 +66,8 @@ def check_drift(
         )
     chosen = _nodes(runs, nodes)
     evaluations = _forward(model, specimen, chosen).evaluate(np.zeros(0))
-    groups: dict[str, list[float]] = {}
-    for name, value in rms(evaluations, chosen).items():
-        groups.setdefault(quantity_of(name), []).append(value)
-    shared = [name for name in groups if name in expected]
+    scatter = by_quantity(rms(evaluations, chosen))
+    shared = [name for name in scatter if name in expected]
     if not shared:
         raise InputError(
             ", ".join(run.name for run in runs),
@@ -81,19 +75,11 @@ def check_drift(
             f"record one of {', '.join(expected)}",
         )
     count = sum(len(run_nodes.time) for run_nodes in chosen)
-    limit = float(
-        np.sqrt(fdtri(max(count / NODES_PER_FREEDOM, 1.0), CALIBRATION_FREEDOM, 1.0 - SIGNIFICANCE))
-    )
+    chance = np.sqrt(fdtri(max(count / NODES_PER_FREEDOM, 1.0), CALIBRATION_FREEDOM, 1.0 - SIGNIFICANCE))
+    limit = max(float(chance), LEAST_RATIO)
     return tuple(
-        _judge(
-            name, float(np.sqrt(np.mean(np.square(groups[name])))), expected[name], max(limit, LEAST_RATIO)
-        )
-        for name in shared
+        Drift(name, scatter[name], expected[name], scatter[name] > limit * expected[name]) for name in shared
     )
-
-
-def _judge(name: str, scatter: float, calibrated: float, limit: float) -> Drift:
-    return Drift(name, scatter, calibrated, bool(scatter > limit * calibrated))
 
 
 def _nodes(runs: Sequence[CalibrationRun], count: int) -> tuple[Nodes, ...]:

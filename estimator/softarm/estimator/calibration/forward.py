@@ -68,14 +68,10 @@ class Forward:
     def evaluate(
         self, values: Floats, starts: Sequence[NodePredictions] | None = None
     ) -> tuple[NodePredictions, ...]:
-        """Solve the model at every node.
+        """Solve the model at every node; one evaluation per run.
 
-        Args:
-            values: Values of the unknowns, shape (unknowns,).
-            starts: An earlier evaluation of the same nodes, whose states the solves start from.
-
-        Returns:
-            One evaluation per run.
+        ``values`` has shape (unknowns,). The solves start from the states of ``starts``, an earlier
+        evaluation of the same nodes.
         """
         setting = self.layout.setting(values)
         earlier: Sequence[NodePredictions | None] = starts or [None] * len(self.nodes)

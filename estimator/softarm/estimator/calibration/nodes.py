@@ -60,14 +60,10 @@ class Nodes:
 
 
 def choose_nodes(run: CalibrationRun, count: int) -> Nodes:
-    """Choose windows of a run and average each.
+    """Choose at most ``count`` windows of a run and average each.
 
     They are evenly spaced; while a gauge pulls, each is moved to where hook and arm rest the most around it:
     the tension of a moving cord is not that of an equilibrium.
-
-    Args:
-        run: The run.
-        count: Largest number of nodes.
     """
     window = PULLED_WINDOW if run.pulled else WINDOW
     duration = run.time[-1] - run.time[0]

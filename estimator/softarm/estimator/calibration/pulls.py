@@ -13,7 +13,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.gaps import LONGEST_BRIDGE, interpolate
 from softarm.estimator.errors import InputError
-from softarm.estimator.model import Load
+from softarm.estimator.model import Load, loads_along
 from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import Registration
 from softarm.estimator.specimen import Specimen
@@ -27,29 +27,21 @@ LEAST_PULL = 0.02  # N; less is a slack cord
 
 def section_forces(specimen: Specimen) -> tuple[Load, ...]:
     """Return three forces on every rigid section that can move, ``<section>_x``, ``_y`` and ``_z``."""
-    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
     return tuple(
-        Load(f"{section.name}_{axis}", "force", direction, section=section.name)
+        load
         for section in specimen.sections
         if section.frame_origin_m[2] > specimen.clamp.up_to_m
-        for axis, direction in axes.items()
+        for load in loads_along(section.name, "xyz", section=section.name)
     )
 
 
 def known_pulls(
     recording: Recording, specimen: Specimen, registration: Registration, loads: Sequence[Load]
 ) -> Floats:
-    """Return the amplitudes of the loads that a recording's gauges tell, NaN between their readings.
+    """Return the known forces on the sections [N], shape (samples, loads), ordered as by ``section_forces``.
 
-    Args:
-        recording: What was recorded.
-        specimen: The robot.
-        registration: Laboratory to base.
-        loads: Three forces a section, as ``section_forces`` gives them; none leaves all gauges out.
-
-    Returns:
-        Amplitudes [N], zero where no gauge pulls, NaN where it is not known where to, shape
-        (samples, loads).
+    They are zero where no gauge pulls and NaN where it is not known where to. Without loads, gauges are left
+    out.
 
     Raises:
         InputError: A gauge's section is unknown, or it stood at the end of its range.

@@ -56,16 +56,7 @@ def fit_axes(predicted: Floats, recorded: Floats, weights: Floats, mirrored: boo
 
 
 def search_axes(suite: SensorSuite, nodes: Sequence[Nodes], frames: Sequence[Frames]) -> dict[str, AxesFit]:
-    """Find each bend's axes; all share one handedness, that which leaves least.
-
-    Args:
-        suite: The sensors, with the alignment to be replaced.
-        nodes: Nodes of each run.
-        frames: The model's frames at them.
-
-    Returns:
-        The fit of each bend by the sensor's name.
-    """
+    """Find each bend's axes, by the sensor's name; all share one handedness, that which leaves least."""
     sensors = [sensor for sensor in suite.measurements if isinstance(sensor, Bend)]
     best: dict[str, AxesFit] = {}
     least = np.inf

@@ -17,12 +17,7 @@ GOLDEN = 0.6180339887
 
 
 def menu(segments: Segments, limits: ManoeuvreLimits) -> tuple[Manoeuvre, ...]:
-    """List every manoeuvre in the order in which a whole run does them; the rested arm comes first.
-
-    Args:
-        segments: Segment of each chamber.
-        limits: What none exceeds.
-    """
+    """List every manoeuvre in the order in which a whole run does them; the rested arm comes first."""
     makers = _MAKERS if segments else _WITHOUT_CHAMBERS
     return tuple(make(segments, limits) for make in makers)
 

@@ -98,11 +98,7 @@ def plan_for(
 ) -> ExcitationPlan:
     """Choose manoeuvres for rivals, the one first that separates them most per second of run.
 
-    Args:
-        rivals: What is ambiguous.
-        manoeuvres: What may be run, each once.
-        subject: Model of the arm.
-        advance: Called with 1 after each pair on each manoeuvre.
+    ``advance`` is called with 1 after each pair on each manoeuvre.
     """
     remaining = []
     for manoeuvre in manoeuvres:

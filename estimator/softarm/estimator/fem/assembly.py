@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import require_known
 from softarm.estimator.fem.elements.cavity import Cavities, build_cavities
 from softarm.estimator.fem.elements.fibre import Bars, Membrane, build_membrane, merge_bars
 from softarm.estimator.fem.elements.hyperelastic import Solids, build_solids
@@ -99,9 +99,6 @@ class Body:
             pressures: Gauge pressures [Pa], shape (chambers,).
             scales: Factor on the stiffness of each of ``parameters``.
             tangent: Whether to assemble the tangent.
-
-        Returns:
-            The evaluation.
         """
         forces = np.zeros_like(self.points)
         blocks = np.zeros((self.pattern.slots if tangent else 0, 3, 3))
@@ -185,12 +182,7 @@ def build_body(
 
 
 def build_fibres(mesh: Mesh, fibres: Sequence[Membrane | Springs], first: int) -> tuple[Bars, ...]:
-    """Prepare all fibres, those with the same number of nodes together.
-
-    Args:
-        mesh: Mesh at rest.
-        fibres: Membranes and springs.
-        first: Index of the first one's stiffness factor.
+    """Prepare all fibres, those with the same number of nodes together; factors count from ``first``.
 
     Raises:
         InputError: A surface is unknown or a spring's end lies outside the body.
@@ -199,19 +191,15 @@ def build_fibres(mesh: Mesh, fibres: Sequence[Membrane | Springs], first: int) -
     for index, fibre in enumerate(fibres, start=first):
         if isinstance(fibre, Springs):
             parts.append(build_springs(mesh, fibre, index))
-        elif fibre.surface in mesh.surfaces:
-            parts.append(build_membrane(mesh, fibre, index))
         else:
-            names = ", ".join(mesh.surfaces)
-            raise InputError(f"fibres on {fibre.surface!r}", "no such surface", f"use one of {names}")
+            require_known("fibres", "surface", fibre.surface, mesh.surfaces)
+            parts.append(build_membrane(mesh, fibre, index))
     return merge_bars(parts)
 
 
 def _materials(mesh: Mesh, materials: Mapping[str, Material]) -> tuple[Material, ...]:
     for name in mesh.regions:
-        if name not in materials:
-            names = ", ".join(materials)
-            raise InputError(f"region {name!r}", "it has no material", f"give it one (materials: {names})")
+        require_known(f"region {name!r}", "material", name, materials)
     return tuple(materials[name] for name in mesh.regions)
 
 

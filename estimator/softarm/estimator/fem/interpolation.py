@@ -143,15 +143,12 @@ def points_inside(mesh: Mesh, points: Floats, where: str) -> PointMap:
 
 
 def cross_section(mesh: Mesh, height: float, resolution: int = 48) -> PointMap:
-    """Sample the body's cross-section at a height uniformly.
+    """Sample the body's cross-section at a height uniformly, and keep the samples that lie in the body.
 
     Args:
         mesh: Mesh at rest.
         height: Distance from the base along z [m].
         resolution: Samples along the larger side of the bounding box.
-
-    Returns:
-        The samples that lie in the body.
 
     Raises:
         InputError: The height is outside the body.

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, require_known
 from softarm.estimator.fem.sections import SectionFit, SectionFrame, build_slice
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Load
@@ -58,14 +58,6 @@ def build_loads(mesh: Mesh, loads: tuple[Load, ...], sections: dict[str, Section
     A force on a section acts at its origin, one at a height on the centre of the cross-section, spread evenly
     over it; a moment is conjugate to the rotation of the section or of the cross-section.
 
-    Args:
-        mesh: Mesh at rest.
-        loads: Loads; ``DistributedLoad`` among them for body and surface forces.
-        sections: Frames by name.
-
-    Returns:
-        The loads.
-
     Raises:
         InputError: A load names an unknown section, region or surface, no place at all, or a height outside.
     """
@@ -96,11 +88,7 @@ def _frame_of(
     mesh: Mesh, load: Load, sections: dict[str, SectionFrame], slices: dict[float, SectionFrame]
 ) -> SectionFrame:
     if load.section is not None:
-        if load.section not in sections:
-            names = ", ".join(sections)
-            raise InputError(
-                f"load {load.name!r}", f"section {load.section!r} is unknown", f"use one of {names}"
-            )
+        require_known(f"load {load.name!r}", "section", load.section, sections)
         return sections[load.section]
     if load.height is None:
         raise InputError(f"load {load.name!r}", "it names neither a section nor a height", "give one of them")
@@ -132,18 +120,12 @@ def _share(mesh: Mesh, load: DistributedLoad) -> Floats:
 def _supports(mesh: Mesh, load: DistributedLoad) -> list[tuple[str, Indices]]:
     """List the elements or facets, by kind, on which a distributed load acts."""
     if load.surface is not None:
-        if load.surface not in mesh.surfaces:
-            names = ", ".join(mesh.surfaces)
-            raise InputError(
-                f"load {load.name!r}", f"surface {load.surface!r} is unknown", f"use one of {names}"
-            )
+        require_known(f"load {load.name!r}", "surface", load.surface, mesh.surfaces)
         surface = mesh.surfaces[load.surface]
         return [(surface.kind, surface.facets)]
     if load.region is None:
         return [(block.kind, block.connectivity) for block in mesh.blocks]
-    if load.region not in mesh.regions:
-        names = ", ".join(mesh.regions)
-        raise InputError(f"load {load.name!r}", f"region {load.region!r} is unknown", f"use one of {names}")
+    require_known(f"load {load.name!r}", "region", load.region, mesh.regions)
     region = mesh.regions.index(load.region)
     return [(block.kind, block.connectivity[block.region == region]) for block in mesh.blocks]
 

@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, require_known
 from softarm.estimator.fem.assembly import Body, build_body
 from softarm.estimator.fem.elements.fibre import Membrane
 from softarm.estimator.fem.elements.material import Material
@@ -102,9 +102,7 @@ class FiniteElementStep:
     def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Project the motion of the sections on rows, with one solve for all that can change.
 
-        Returns:
-            Drift and change per input as ``response`` gives them, the change per component of gravity, shape
-            (outputs, 3), and per stiffness factor, shape (outputs, parameters).
+        It returns what ``node_by_node.full_response`` does.
         """
         twists = np.atleast_2d(rows) @ self.poses.twists(self.motions).T
         inputs = self.model.chambers + len(self.model.loads)
@@ -170,9 +168,6 @@ class FiniteElementModel:
             nodal_mass: Mass of each node [kg], shape (nodes,); integrated from the densities when left out.
             settings: Limits of ``solve``.
 
-        Returns:
-            The model.
-
         Raises:
             InputError: The mesh lacks a node set, surface or region that the arguments name, an element is
                 inverted, a chamber is open, or a load lies outside the body.
@@ -226,9 +221,7 @@ class FiniteElementModel:
         """
         values = self.scales.copy()
         for name, value in scales.items():
-            if name not in self.parameters:
-                names = ", ".join(self.parameters)
-                raise InputError("scales", f"{name!r} is unknown", f"use one of {names}")
+            require_known("scales", "parameter", name, self.parameters)
             if not value > 0.0:
                 raise InputError("scales", f"{name} = {value} is not positive", "give a factor above 0")
             values[self.parameters.index(name)] = value
@@ -254,15 +247,9 @@ class FiniteElementModel:
         return FiniteElementState(np.zeros_like(self.body.points), self.no_inputs())
 
     def balance(self, displacement: Floats, inputs: Inputs, tangent: bool = True) -> Balance:
-        """Evaluate the forces at a configuration.
+        """Evaluate the forces at a displacement of the nodes [m], shape (nodes, 3), under given inputs.
 
-        Args:
-            displacement: Displacement of the nodes [m], shape (nodes, 3).
-            inputs: Pressures, loads, gravity.
-            tangent: Whether to assemble the tangent, the derivative of (internal - pressure forces).
-
-        Returns:
-            Residual, tangent and load vectors.
+        The tangent is the derivative of (internal - pressure forces); loads that rotate are no part of it.
         """
         positions = self.body.points + displacement
         evaluation = self.body.evaluate(positions, inputs.pressures, self.scales, tangent=tangent)
@@ -319,11 +306,7 @@ class FiniteElementModel:
     def equilibrium(
         self, inputs: Inputs, start: FiniteElementState | None = None
     ) -> Solution[FiniteElementState]:
-        """Find the equilibrium under fixed inputs.
-
-        Args:
-            inputs: Pressures, loads, gravity.
-            start: A state, best in equilibrium under its inputs; the unloaded one when left out.
+        """Find the equilibrium under fixed inputs, setting out from a state, best one in equilibrium itself.
 
         Returns:
             The state, how the solve ended, the linear solves it took and its residual.

@@ -120,14 +120,7 @@ class SectionPoses:
     levers: Floats
 
     def twists(self, displacements: Floats) -> Floats:
-        """Compute the stacked twists (translation of the origin, rotation vector) of displacements.
-
-        Args:
-            displacements: Of the nodes [m], shape (displacements, nodes, 3).
-
-        Returns:
-            Shape (displacements, 6 sections).
-        """
+        """Compute the stacked twists of displacements of the nodes [m], shape (displacements, 6 sections)."""
         return self.twists_of_moments(self.weights @ displacements)
 
     def twists_of_moments(self, moments: Floats) -> Floats:
@@ -148,15 +141,7 @@ class SectionPoses:
         return np.concatenate([shift[:, :, None], columns], axis=2).reshape(len(rows), MOMENTS * count, 3)
 
     def pull_back(self, rows: Floats) -> Floats:
-        """Pull rows on the stacked twists back to the nodes, where they are the work-conjugate forces.
-
-        Args:
-            rows: Sensitivities to (translation of the origin, rotation vector) of each section, shape
-                (rows, 6 sections).
-
-        Returns:
-            Sensitivities to the nodes' displacement, shape (rows, nodes, 3).
-        """
+        """Pull rows on the stacked twists back to the nodes, shape (rows, nodes, 3): conjugate forces."""
         nodal: Floats = self.weights.T @ self.moment_rows(rows)
         return nodal
 

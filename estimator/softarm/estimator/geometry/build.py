@@ -20,10 +20,8 @@ from softarm.estimator.specimen import Block, Cylinder, MeshFile, QuadrantCylind
 def build_mesh(specimen: Specimen, resolution: Resolution | None = None) -> Mesh:
     """Mesh the body of a specimen.
 
-    Args:
-        specimen: Description.
-        resolution: Divisions of a parametric body, those of ``DEFAULTS`` when left out; a mesh from a file is
-            taken as it is.
+    A mesh from a file is taken as it is, whatever the resolution; that of a parametric body is
+    ``DEFAULTS`` when left out.
 
     Returns:
         A mesh with one region per segment and section, surfaces ``chamber_<k>`` and ``outer``, and node sets

@@ -10,14 +10,7 @@ from softarm.estimator.shape_functions import quadrature, shape_functions, volum
 
 
 def check_mesh(mesh: Mesh, where: str) -> Mesh:
-    """Refuse a mesh on which no model can be built.
-
-    Args:
-        mesh: Mesh at rest.
-        where: File and field that errors name.
-
-    Returns:
-        The same mesh.
+    """Refuse a mesh on which no model can be built, naming ``where`` it came from; return it otherwise.
 
     Raises:
         InputError: Coordinates are not finite, an element is inverted, a chamber is empty, open or inside
@@ -42,15 +35,7 @@ def check_mesh(mesh: Mesh, where: str) -> Mesh:
 
 
 def jacobians(points: Floats, block: ElementBlock) -> Floats:
-    """Compute the determinants of the map from parent to rest positions at the quadrature points.
-
-    Args:
-        points: Rest positions [m], shape (nodes, 3).
-        block: Elements.
-
-    Returns:
-        Determinants [m3], shape (elements, quadrature points).
-    """
+    """Compute det(dX / d parent) at the quadrature points [m3], shape (elements, quadrature points)."""
     _, gradients = shape_functions(block.kind, quadrature(block.kind)[0])
     ratios: Floats = np.linalg.det(np.einsum("qnj,eni->eqij", gradients, points[block.connectivity]))
     return ratios

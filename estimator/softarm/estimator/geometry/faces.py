@@ -39,11 +39,7 @@ def is_among(kind: FacetKind, faces: Indices, others: Indices) -> NDArray[np.boo
 
 
 def open_edges(kind: FacetKind, facets: Indices) -> Indices:
-    """List the directed edges of a surface that no facet runs the other way; none if it is closed.
-
-    Returns:
-        Node pairs, shape (edges, 2).
-    """
+    """List the directed edges of a surface that no facet runs the other way, shape (edges, 2)."""
     corners = facets[:, : CORNERS[kind]]
     edges = np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2)
     forward, count = np.unique(edges, axis=0, return_counts=True)

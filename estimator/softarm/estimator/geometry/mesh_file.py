@@ -19,16 +19,9 @@ FACE_TOLERANCE = 1e-4
 
 
 def read_mesh(specimen: Specimen, geometry: MeshFile) -> Mesh:
-    """Read a mesh and give its parts the specimen's names.
+    """Read a mesh and give its parts the specimen's names; the result is checked and in the base frame.
 
     Nodes that no element uses are dropped.
-
-    Args:
-        specimen: Description; its folder is where the mesh's path starts.
-        geometry: Its geometry.
-
-    Returns:
-        The checked mesh in the base frame.
 
     Raises:
         InputError: The file cannot be read, a group is absent, an element is inverted, a chamber is empty

@@ -71,8 +71,7 @@ def moved(patch: Patch, rotation: float, shift: Floats) -> Patch:
 def sample(patch: Patch) -> Floats:
     """Place the patch's nodes by transfinite interpolation (Gordon and Hall 1973).
 
-    Returns:
-        Points of the grid of corners and mid-sides, shape ((2 m + 1) (2 n + 1), 2), s running first.
+    Corners and mid-sides, shape ((2 m + 1) (2 n + 1), 2), s running first.
     """
     m, n = patch.divisions
     s, t = np.linspace(0.0, 1.0, 2 * m + 1), np.linspace(0.0, 1.0, 2 * n + 1)
@@ -108,11 +107,7 @@ class PatchLayout:
 
 
 def build_plan(patches: Sequence[Patch]) -> PatchLayout:
-    """Join patches that share sides into one plan.
-
-    Args:
-        patches: Patches of a cross-section; sides that touch must have the same points.
-    """
+    """Join patches into one plan; sides that touch must have the same points."""
     samples = [sample(patch) for patch in patches]
     _, first, merge = np.unique(
         np.round(np.concatenate(samples) / MERGE_TOLERANCE_M).astype(np.int64),

@@ -7,7 +7,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.inverse.estimate import ArmEstimate
-from softarm.estimator.model import ArmModel, Inputs, Linearisation, Load
+from softarm.estimator.model import ArmModel, Inputs, Linearisation, Load, loads_along
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.sensing.model_error import UNPULLED_ERROR
 
@@ -67,11 +67,10 @@ class ContactProfile:
     @property
     def loads(self) -> tuple[Load, ...]:
         """The pushes along x and y at every candidate height."""
-        axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
         return tuple(
-            Load(f"push_{index}_{name}", "force", axis, height=float(height))
-            for index, height in enumerate(self.heights)
-            for name, axis in axes.items()
+            load
+            for index, height in enumerate(self.heights.tolist())
+            for load in loads_along(f"push_{index}", "xy", height=height)
         )
 
     def place(

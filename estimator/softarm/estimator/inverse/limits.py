@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.errors import InputError
 
 
@@ -36,7 +36,7 @@ class InputBounds:
         """Leave all inputs free."""
         return cls(np.full(size, -np.inf), np.full(size, np.inf))
 
-    def bound(self, members: slice, lower: Floats | float, upper: Floats | float) -> "InputBounds":
+    def bound(self, members: slice | Indices, lower: Floats | float, upper: Floats | float) -> "InputBounds":
         """Bound some inputs as well."""
         low, high = self.lower.copy(), self.upper.copy()
         low[members], high[members] = lower, upper

@@ -215,17 +215,9 @@ class PressureReadings:
             normal, gradient,
         )  # fmt: skip
         return WeightedRows(
-            self.name,
-            self.data,
-            innovation,
-            jacobian,
-            information,
-            chambers,
-            weighted,
-            normal,
-            gradient,
+            self.name, self.data, innovation, jacobian, information, chambers, weighted, normal, gradient,
             cost,
-        )
+        )  # fmt: skip
 
     @cached_property
     def _measured(self) -> NDArray[np.int64]:

@@ -50,9 +50,6 @@ def build_program(
         vector: The iterate, shape (inputs,).
         scale: Typical change of each input, shape (inputs,).
         radius: Largest change of a free input, in units of its scale (trust region).
-
-    Returns:
-        The program for the change of the inputs.
     """
     size = len(vector)
     program = QuadraticProgram(np.empty((size, size)), np.empty(size), np.empty(size), np.empty(size))
@@ -103,11 +100,10 @@ def _fill(
 def solve_program(program: QuadraticProgram) -> Floats:
     """Solve a program: by one linear system where no bound binds, else with ProxQP.
 
+    z has shape (inputs,); it is NaN where the program has numbers that are not finite.
+
     A convex program whose optimum without its bounds lies inside them has that optimum; only otherwise is
     the augmented Lagrangian method needed (Bambade et al., ProxQP, RSS 2022).
-
-    Returns:
-        z, shape (inputs,); NaN where the program has numbers that are not finite.
     """
     value = np.empty_like(program.gradient)
     if _unbounded(program.hessian, program.gradient, program.lower, program.upper, value):

@@ -222,9 +222,7 @@ class Estimator(Generic[State, Step]):
     ) -> Problem:
         limits, lost = self._free, np.flatnonzero(~np.isfinite(acting))
         if len(lost):
-            lower, upper = limits.lower.copy(), limits.upper.copy()
-            lower[lost], upper[lost] = 0.0, self._settings.pressure_limits[lost]
-            limits = InputBounds(lower, upper)
+            limits = limits.bound(lost, 0.0, self._settings.pressure_limits[lost])
         objectives = (
             SensorObjective(accuracy.suite, readings),
             prior,

@@ -73,13 +73,7 @@ def _mesh_hash(specimen: Specimen, geometry: MeshFile) -> str:
 
 
 def to_bytes(fitted: FittedRod, key: str, name: str) -> bytes:
-    """Write a rod as a compressed npz.
-
-    Args:
-        fitted: The rod and its report; its section frames and stiffness factors come from the specimen anew.
-        key: Its key.
-        name: Name of the specimen that it was fitted for.
-    """
+    """Write a rod as a compressed npz, with its key and the name of its specimen."""
     rod = fitted.rod
     header = {
         "format": FORMAT,

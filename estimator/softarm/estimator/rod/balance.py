@@ -302,31 +302,13 @@ def respond_all(
     twists: Floats,
     counts: Indices,
 ) -> None:
-    """Settle the chain for many samples; arguments as of ``respond``.
+    """Settle the chain for many samples; arguments as of ``respond``, arrays with a leading axis (samples,).
 
-    Args:
-        length: Rest lengths of the links [m], shape (links,).
-        actions: Where loads act.
-        laws: Link laws.
-        pressures: Gauge pressures [Pa], shape (samples, chambers).
-        amplitudes: Loads [N or N m], shape (samples, loads).
-        gravities: Gravitational acceleration [m/s2], shape (samples, 3).
-        eigenstrains: Sizes of the eigenstrains, in the shapes, shape (samples, shapes).
-        units: Force and couple of an action per unit of load or gravity, shape (units, 6).
-        owner: Action and column of each, shape (units, 2).
-        columns: Number of pressures, loads and three components of gravity.
-        shapes: Free strains of the links, shape (6 links, shapes).
-        stations: Station of each point, shape (points,).
-        offsets: Offset of each point in its station's frame [m], shape (points, 3).
-        tolerance: Largest residual of a strain to stop at.
-        iterations: Largest number of linearisations.
-        work: Memory.
-        strains: Strains to begin with, NaN where each sample begins from the one before; brought to
-            equilibrium, shape (samples, links, 6).
-        places: Filled, shape (samples, points, 3).
-        rotations: Filled with the stations' rotations, shape (samples, points, 3, 3).
-        twists: Filled, shape (samples, 6 points, columns + links + shapes).
-        counts: Filled with the number of linearisations, negative where it failed, shape (samples,).
+    ``amplitudes`` are those of the loads [N or N m], ``eigenstrains`` the sizes of the ``shapes``; ``units``
+    and ``owner`` include gravity, after pressures and loads. ``strains``, shape (samples, links, 6), are
+    those to begin with, NaN where a sample begins from the one before; they are brought to equilibrium.
+    Filled are ``places``, ``rotations``, shape (samples, points, 3, 3), ``twists``, with columns for inputs,
+    links and shapes, and ``counts``, the numbers of linearisations, negative where the chain did not settle.
     """
     chambers = pressures.shape[1]
     force, couple = np.zeros((len(actions.link), 3)), np.zeros((len(actions.link), 3))

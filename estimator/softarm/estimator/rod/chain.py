@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
-from softarm.estimator.errors import InputError
-from softarm.estimator.model import Load
+from softarm.estimator.errors import InputError, require_known
+from softarm.estimator.model import Frames, Load
 from softarm.estimator.rod.arrays import Actions
+from softarm.estimator.rod.statics import place
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,14 @@ class Chain:
         """Rest lengths of the links [m], shape (links,)."""
         return np.diff(self.heights)
 
+    def station_frames(self, strain: Floats) -> Frames:
+        """Compute the frames of all stations, the clamp first, for the links' strains, shape (links, 6)."""
+        rotations, positions = np.empty((self.links + 1, 3, 3)), np.empty((self.links + 1, 3))
+        rotations[0], positions[0] = np.eye(3), (0.0, 0.0, self.heights[0])
+        strain, middles = np.ascontiguousarray(strain, dtype=np.float64), np.empty((self.links, 3, 3))
+        place(strain, self.lengths, rotations, positions, middles)
+        return Frames(positions, rotations)
+
     def place(self, load: Load) -> tuple[int, float, Floats]:
         """Find link, share and offset of a load's place; link -1 where it acts on the clamp.
 
@@ -61,10 +70,7 @@ class Chain:
         """
         where = f"load {load.name!r}"
         if load.section is not None:
-            if load.section not in self.sections:
-                raise InputError(
-                    where, f"no section {load.section!r}", f"the sections are {', '.join(self.sections)}"
-                )
+            require_known(where, "section", load.section, self.sections)
             index = self.sections.index(load.section)
             return int(self.section_station[index]) - 1, 1.0, self.section_offset[index]
         if load.height is None:

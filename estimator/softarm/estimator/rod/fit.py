@@ -86,13 +86,8 @@ def fit_rod(
 ) -> FittedRod:
     """Fit the rod of a specimen as described, without what calibration found; ``adapted`` brings that in.
 
-    Args:
-        specimen: Description.
-        model: Its finite-element model, as of ``sampled_model``; its loads and stiffness factors count for
-            nothing.
-        progress: Called with the rays done and all of them.
-        executor: Threads that solve the model side by side.
-        recipe: How.
+    The model is that of ``sampled_model``; its loads and stiffness factors count for nothing. ``progress`` is
+    called with the rays done and all of them; the threads of ``executor`` solve the model side by side.
     """
     recipe = recipe or Recipe()
     plan, total = recipe.plan, recipe.plan.rays + 2 * recipe.check.rays

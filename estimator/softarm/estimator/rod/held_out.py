@@ -6,9 +6,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from softarm.estimator.arm import default_loads
 from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel
-from softarm.estimator.model import Frames, Inputs, Load
+from softarm.estimator.model import Frames, Inputs, Load, loads_along
 from softarm.estimator.response import BatchInputs
 from softarm.estimator.rod.model import CalibratedRod
 from softarm.estimator.rod.samples import Progress, Samples, SamplingPlan, draw_samples, load_scale
@@ -75,14 +76,7 @@ def check_rod(
 ) -> HeldOutReport:
     """Compare a rod with its finite-element model along rays that the fit has not seen.
 
-    Args:
-        rod: The rod.
-        specimen: Description.
-        model: Its finite-element model.
-        stations: The rod's stations on the model.
-        plan: Where to compare, with a seed of its own.
-        progress: Called with the rays done and all of them.
-        executor: Threads that solve the model.
+    ``plan`` has a seed of its own, so that no ray is one of the fit; see ``fit_rod`` for the others.
     """
     compared = []
     kinds = ((lateral_loads(specimen), plan), (untrained_loads(specimen), replace(plan, kinds=CONTACTS)))
@@ -102,24 +96,15 @@ def check_rod(
 def lateral_loads(specimen: Specimen) -> tuple[Load, ...]:
     """List two lateral forces on every section beyond a soft segment."""
     soft = min(segment.to_m for segment in specimen.segments)
-    return tuple(
-        Load(f"{section.name}_{axis}", "force", direction, section=section.name)
-        for section in specimen.sections
-        if section.to_m >= soft - NEAR
-        for axis, direction in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
-    )
+    return default_loads(specimen, [s.name for s in specimen.sections if s.to_m >= soft - NEAR])
 
 
 def untrained_loads(specimen: Specimen) -> tuple[Load, ...]:
     """List two lateral forces at each of ``UNTRAINED`` on every soft segment."""
-    heights = [
+    heights = (
         part.from_m + share * (part.to_m - part.from_m) for part in specimen.segments for share in UNTRAINED
-    ]
-    return tuple(
-        Load(f"{height:.4f}_{axis}", "force", direction, height=height)
-        for height in heights
-        for axis, direction in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
     )
+    return tuple(load for height in heights for load in loads_along(f"{height:.4f}", "xy", height=height))
 
 
 def compare(rod: CalibratedRod, samples: Samples, scale: Floats) -> HeldOut:

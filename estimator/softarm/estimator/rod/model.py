@@ -7,13 +7,12 @@ from functools import cached_property
 import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, require_known
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.response import ArmResponse, BatchInputs
 from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work, new_work
 from softarm.estimator.rod.balance import respond, respond_all
 from softarm.estimator.rod.chain import Chain
-from softarm.estimator.rod.statics import place
 
 TOLERANCE, COARSE = 1e-6, 1e-4
 """Gap of a strain [rad, share of a link's length] that one more Newton step closes to about its square; the
@@ -109,10 +108,7 @@ class CalibratedRod:
         """
         factors = self.laws.stiffness.copy()
         for name, factor in scales.items():
-            if name not in self.regions:
-                raise InputError(
-                    "scales", f"no region {name!r}", f"the regions are {', '.join(self.regions)}"
-                )
+            require_known("scales", "region", name, self.regions)
             if not factor > 0.0:
                 raise InputError("scales", f"{name} = {factor:g} is not positive", "give a factor above 0")
             factors[[region == name for region in self.chain.regions]] = factor
@@ -144,13 +140,10 @@ class CalibratedRod:
 
     def section_frames(self, state: Floats) -> Frames:
         """Compute the sections' frames in a state."""
-        chain = self.chain
-        rotations, positions = np.empty((chain.links + 1, 3, 3)), np.empty((chain.links + 1, 3))
-        rotations[0], positions[0] = np.eye(3), (0.0, 0.0, chain.heights[0])
-        place(_dense(state), self._lengths, rotations, positions, np.empty((chain.links, 3, 3)))
-        rotated = rotations[chain.section_station]
+        chain, stations = self.chain, self.chain.station_frames(state)
+        rotated = stations.rotations[chain.section_station]
         moved = (rotated @ chain.section_offset[:, :, None])[..., 0]
-        return Frames(positions[chain.section_station] + moved, rotated @ chain.section_rotation)
+        return Frames(stations.positions[chain.section_station] + moved, rotated @ chain.section_rotation)
 
     def linearise(self, state: Floats, inputs: Inputs) -> RodStep:
         """Find the equilibrium under inputs near a state and linearise there."""
@@ -189,16 +182,9 @@ class CalibratedRod:
     def evaluate(
         self, inputs: BatchInputs, *, start: ArmResponse | None = None, jacobians: bool = True
     ) -> ArmResponse:
-        """Solve many samples in one compiled loop.
+        """Solve many samples in one compiled loop; see ``BatchArmModel.evaluate``.
 
-        Args:
-            inputs: Of each sample.
-            start: A response whose states, shape (samples, links, 6), the solves begin with; each sample
-                begins from the one before where it is left out.
-            jacobians: Differentiate; else the derivatives have no columns.
-
-        Returns:
-            Frames and their derivatives by inputs, gravity, stiffness factors and eigenstrains.
+        Without ``start`` each sample begins from the one before.
         """
         samples, sections, links = len(inputs), len(self.sections), self.chain.links
         columns = self.chambers + len(self.loads) + 3

@@ -3,15 +3,16 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem import FiniteElementModel, Settings
 from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
-from softarm.estimator.fem.statics.continuation import Waypoint, between, extrapolate
+from softarm.estimator.fem.statics.continuation import Waypoint, between, extrapolate, path_velocity
 from softarm.estimator.fem.statics.equilibrium import Balance, correct, exact_factor
-from softarm.estimator.model import Inputs, Load
+from softarm.estimator.model import Inputs, Load, loads_along
 from softarm.estimator.rod.load_stiffness import exact_moves
 from softarm.estimator.rod.stations import NEAR, Stations
 from softarm.estimator.rotations import log
@@ -93,19 +94,13 @@ class SamplingPlan:
 def sampling_loads(specimen: Specimen) -> tuple[Load, ...]:
     """List a force and a moment along each axis on every rigid section beyond a soft segment."""
     soft = min(segment.to_m for segment in specimen.segments)
-    axes = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
-    kinds: tuple[tuple[str, str], ...] = (("force", "f"), ("moment", "m"))
+    kinds: tuple[Literal["force", "moment"], ...] = ("force", "moment")
     return tuple(
-        Load(
-            f"{section.name}_{short}{name}",
-            "force" if kind == "force" else "moment",
-            axis,
-            section=section.name,
-        )
+        load
         for section in specimen.sections
         if section.to_m >= soft - NEAR
-        for kind, short in kinds
-        for name, axis in axes.items()
+        for kind in kinds
+        for load in loads_along(f"{section.name}_{kind}", "xyz", kind, section=section.name)
     )
 
 
@@ -119,16 +114,8 @@ def draw_samples(
 ) -> Samples:
     """Solve the finite-element model along rays of pressures, loads and gravity.
 
-    Args:
-        specimen: Description, for the pressures' limits.
-        model: Its finite-element model with ``sampling_loads``.
-        stations: Where its frames are wanted.
-        plan: Where to sample.
-        progress: Called with the rays done and all of them.
-        executor: Threads that walk the rays side by side; the kernels run without the interpreter's lock.
-
-    Returns:
-        The states that were found; a ray ends where the arm is about to lose its stability.
+    A ray ends where the arm is about to lose its stability. The threads of ``executor`` walk the rays side by
+    side; the kernels run without the interpreter's lock.
     """
     scale = load_scale(specimen, model, stations, plan.rotation)
     rays = list(_rays(specimen, model, scale, plan))
@@ -245,7 +232,7 @@ def _follow(
     frames = stations.poses(body.points, body.pattern.scatter(factor.solve(_gathered(model, balance))))
     scale = _turning_loads(frames[2], model, 1.0)
     yield none.pressures, none.loads, none.gravity, *frames, factors, np.array(1.0)
-    here = Waypoint(0.0, rest, _velocity(model, balance, factor, ray.end))
+    here = Waypoint(0.0, rest, path_velocity(body, model.nodal_mass, balance, factor, none, ray.end))
     step, failures = FIRST * plan.step, 0
     while here.fraction < 1.0 - 1e-9 and failures < FAILURES:
         target = min(here.fraction + step, 1.0)
@@ -256,10 +243,8 @@ def _follow(
             continue
         step = min(plan.step, (1.5 if corrected.solution.iterations <= 4 else 1.0) * step)
         place = corrected.solution.value
-        before, here = (
-            here,
-            Waypoint(target, place, _velocity(model, corrected.balance, corrected.factor, ray.end)),
-        )
+        velocity = path_velocity(body, model.nodal_mass, corrected.balance, corrected.factor, none, ray.end)
+        before, here = here, Waypoint(target, place, velocity)
         moves = exact_moves(model, corrected.factor, place, inputs.loads, _input_forces(corrected.balance))
         if moves is None:
             return
@@ -275,13 +260,6 @@ def _bend(rotations: Floats) -> float:
     """Sum the angles from station to station [rad], the clamp first; rotations of shape (stations, 3, 3)."""
     before = np.concatenate([np.eye(3)[None], rotations[:-1]])
     return float(np.linalg.norm(log(np.swapaxes(before, -1, -2) @ rotations), axis=-1).sum())
-
-
-def _velocity(model: FiniteElementModel, balance: Balance, factor: StiffnessFactor, end: Inputs) -> Floats:
-    """Compute the displacement per share of a ray [m], shape (nodes, 3)."""
-    force = np.tensordot(end.pressures, balance.evaluation.gradients, 1)
-    force += np.tensordot(end.loads, balance.load_vectors, 1) + np.outer(model.nodal_mass, end.gravity)
-    return model.body.pattern.scatter(factor.solve(model.body.pattern.gather(force)))
 
 
 def _factor(model: FiniteElementModel, balance: Balance) -> StiffnessFactor:

@@ -3,18 +3,7 @@
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.model import Frames
 from softarm.estimator.rod.chain import Chain
-from softarm.estimator.rod.statics import place
-
-
-def placed(chain: Chain, strain: Floats) -> Frames:
-    """Compute the frames of all stations, the clamp first, for the strains of the links, shape (links, 6)."""
-    count = chain.links + 1
-    rotations, positions = np.zeros((count, 3, 3)), np.zeros((count, 3))
-    rotations[0], positions[0, 2] = np.eye(3), chain.heights[0]
-    place(np.ascontiguousarray(strain), chain.lengths, rotations, positions, np.zeros((chain.links, 3, 3)))
-    return Frames(positions, rotations)
 
 
 def skin(points: Floats, chain: Chain, strain: Floats) -> Floats:
@@ -28,7 +17,7 @@ def skin(points: Floats, chain: Chain, strain: Floats) -> Floats:
         chain: The links.
         strain: Strains of the links, shape (links, 6).
     """
-    frames = placed(chain, strain)
+    frames = chain.station_frames(strain)
     link = np.clip(np.searchsorted(chain.heights, points[:, 2], side="right") - 1, 0, chain.links - 1)
     share = np.clip((points[:, 2] - chain.heights[link]) / chain.lengths[link], 0.0, 1.0)
     moved = np.zeros_like(points)

@@ -55,10 +55,7 @@ class Stations:
 def cut(specimen: Specimen, model: FiniteElementModel, links_per_segment: int = 4) -> Stations:
     """Cut an arm into links: each soft segment into equal parts, a station on every rigid section.
 
-    Args:
-        specimen: Description.
-        model: Its finite-element model, with all sections of the specimen.
-        links_per_segment: Links per soft segment; those at its ends reach into the rigid sections.
+    The links at the ends of a segment reach into the rigid sections, to their middles.
     """
     clamp = specimen.clamp.up_to_m
     moving = [section for section in specimen.sections if section.to_m > clamp + NEAR]

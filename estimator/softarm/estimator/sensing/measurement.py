@@ -79,15 +79,12 @@ class Measurement(Protocol):
 
 
 def twist_rows(frames: Frames, section: int | None, rows: Floats) -> Floats:
-    """Place the derivative by one section's twist among the stacked twists of all.
+    """Place the derivative by one section's twist among those of all, shape (..., size, 6 sections).
 
     Args:
         frames: Frames of all sections.
         section: Index of the section; ``None`` stands for the clamp, which does not move.
         rows: Derivative by the section's translation and rotation, shape (..., size, 6).
-
-    Returns:
-        Shape (..., size, 6 sections).
     """
     sections = frames.positions.shape[-2]
     stacked = np.zeros((*rows.shape[:-1], 6 * sections))

@@ -57,9 +57,6 @@ def register(
         sigma: Standard deviation of one coordinate of ``laboratory_points`` (of their mean) [m].
         source: What they were recorded in, for messages.
 
-    Returns:
-        The registration.
-
     Raises:
         InputError: With fewer than three markers, or with markers on one line.
     """

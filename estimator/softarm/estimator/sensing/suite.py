@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, require_known
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing.marker import MarkerPosition
 from softarm.estimator.sensing.measurement import Measurement, Sensitivity, Unit, rigid_motion
@@ -61,14 +61,15 @@ class SensorSuite:
     @cached_property
     def slices(self) -> Mapping[str, slice]:
         """Rows of the innovation that belong to each sensor."""
-        ends = np.cumsum([0] + [measurement.size for measurement in self.measurements]).tolist()
-        names = (measurement.name for measurement in self.measurements)
-        return {name: slice(a, b) for name, a, b in zip(names, ends, ends[1:], strict=False)}
+        return self._slices([measurement.size for measurement in self.measurements])
 
     @cached_property
     def reading_slices(self) -> Mapping[str, slice]:
         """Entries of the stacked readings that belong to each sensor."""
-        ends = np.cumsum([0] + [measurement.reading_size for measurement in self.measurements]).tolist()
+        return self._slices([measurement.reading_size for measurement in self.measurements])
+
+    def _slices(self, sizes: list[int]) -> Mapping[str, slice]:
+        ends = np.cumsum([0, *sizes]).tolist()
         names = (measurement.name for measurement in self.measurements)
         return {name: slice(a, b) for name, a, b in zip(names, ends, ends[1:], strict=False)}
 
@@ -89,21 +90,14 @@ class SensorSuite:
         return np.concatenate(parts)
 
     def stack(self, readings: Mapping[str, Floats]) -> Floats:
-        """Stack readings by sensor into one vector, NaN for those left out.
-
-        Args:
-            readings: Sensor name to reading, shape (..., reading_size) with equal leading axes.
-
-        Returns:
-            Shape (..., readings).
+        """Stack readings by sensor into one vector, shape (..., readings), NaN for those left out.
 
         Raises:
             InputError: If a name is unknown or a reading has a wrong size.
         """
         names = [measurement.name for measurement in self.measurements]
         for name in readings:
-            if name not in names:
-                raise InputError("readings", f"no sensor {name!r}", f"the sensors are {', '.join(names)}")
+            require_known("readings", "sensor", name, names)
         leading = np.broadcast_shapes(*(np.shape(reading)[:-1] for reading in readings.values()))
         stacked = np.full((*leading, self.reading_size), np.nan)
         for measurement in self.measurements:

@@ -36,11 +36,7 @@ def load_specimen(source: str | Path) -> Specimen:
 
 
 def parse_specimen(text: str, file: str) -> Specimen:
-    """Validate the text of a specimen file.
-
-    Args:
-        text: TOML.
-        file: What errors call it.
+    """Validate the TOML text of a specimen file, which errors call ``file``.
 
     Raises:
         InputError: As in ``load_specimen``.
@@ -56,13 +52,9 @@ def parse_specimen(text: str, file: str) -> Specimen:
 
 
 def save_specimen(specimen: Specimen, path: str | Path) -> None:
-    """Write a specimen as TOML, whole or not at all.
+    """Write a specimen as TOML, whole or not at all; missing folders are made.
 
     The path of a mesh file is rewritten so that it holds from the new place.
-
-    Args:
-        specimen: What to write.
-        path: File to write or to replace; missing folders are made.
 
     Raises:
         InputError: The folder cannot be written to.

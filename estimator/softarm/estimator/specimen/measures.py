@@ -177,11 +177,7 @@ def _geometry(shape: LobeMeasures | CylinderMeasures, heights: list[float]) -> d
 
 
 def names_of(count: int) -> tuple[Sequence[str], Sequence[str]]:
-    """Return the names of segments and of sections, from the base to the tip.
-
-    Args:
-        count: Number of soft segments.
-    """
+    """Return the names of ``count`` segments and of their sections, from the base to the tip."""
     if count <= 2:
         return ("upper", "lower")[:count], ("base", "intermediate", "tip") if count == 2 else ("base", "tip")
     segments = tuple(f"segment_{k}" for k in range(1, count + 1))

@@ -57,16 +57,12 @@ class StretchedBatch(BatchModelWrapper):
 
         With C the twists per unit of pressure, E the rows of the stretches and G = g p, all motion m becomes
         A m, A = 1 + C G (1 - E C G)^-1 E, and the stretches' change q since they were taken moves by A C G q.
-
-        Returns:
-            That move of the section twists, shape (samples, 6 sections), and A, shape (samples, 6 sections,
-            same).
         """
-        rows = self.law.rows(inner.frames)
+        reached, rows = self.law.linearise(inner.frames)
         pushed = inner.pressure_jacobian * (self.law.gain * pressures)[:, None, :]
         remaining = np.eye(pressures.shape[1]) - rows @ pushed
         following = np.eye(rows.shape[-1]) + pushed @ np.linalg.solve(remaining, rows)
-        change = (self.law.stretches(inner.frames) - stretches)[..., None]
+        change = (reached - stretches)[..., None]
         move: Floats = (following @ (pushed @ change))[..., 0]
         return move, following
 

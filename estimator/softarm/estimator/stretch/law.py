@@ -80,12 +80,8 @@ class StretchLaw:
         """Return the stretch of each chamber, shape (..., C)."""
         return self._evaluate(frames, 0)[0]
 
-    def rows(self, frames: Frames) -> Floats:
-        """Differentiate the stretches by the stacked twists of the sections, shape (..., C, 6 sections)."""
-        return self.linearise(frames)[1]
-
     def linearise(self, frames: Frames) -> tuple[Floats, Floats]:
-        """Return what ``stretches`` and ``rows`` do."""
+        """Return the stretches and their derivatives by the stacked twists, shape (..., C, 6 sections)."""
         return self._evaluate(frames, 6 * frames.positions.shape[-2])
 
     def _evaluate(self, frames: Frames, width: int) -> tuple[Floats, Floats]:

@@ -66,14 +66,7 @@ class Cavities:
 
 
 def build_cavities(mesh: Mesh, chambers: tuple[str, ...]) -> tuple[Cavities, ...]:
-    """Prepare the chambers, one group per facet kind.
-
-    Args:
-        mesh: Mesh at rest, whose wall normals point out of the solid, that is into the chamber.
-        chambers: Names of the chambers' surfaces, in the order of the pressures.
-
-    Returns:
-        Groups of walls.
+    """Prepare the chambers, one group per facet kind, in the order of the pressures.
 
     Raises:
         InputError: A chamber has no wall or its wall is not closed.

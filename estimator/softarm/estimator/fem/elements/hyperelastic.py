@@ -163,15 +163,12 @@ def _isochoric(excess: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
 
 
 def build_solids(points: Floats, block: ElementBlock, materials: tuple[Material, ...]) -> Solids:
-    """Precompute the geometry of a block at rest.
+    """Precompute the geometry of a block at rest; it is not yet attached to a pattern.
 
     Args:
         points: Rest positions [m], shape (nodes, 3).
         block: Elements.
         materials: Material of each region.
-
-    Returns:
-        The block, not yet attached to a pattern.
 
     Raises:
         InputError: An element is inverted or degenerate.

@@ -84,11 +84,7 @@ class FactorPlan:
         return cls(pattern, PardisoPlan.of(pattern) or CholeskyPlan.of(symbolic))
 
     def factorise(self, tangent: Tangent) -> "StiffnessFactor | None":
-        """Factor the symmetric part of a tangent by Cholesky.
-
-        Returns:
-            The factor; None where that part is not positive definite.
-        """
+        """Factor the symmetric part of a tangent; None where that part is not positive definite."""
         values = tangent.values if tangent.symmetric else 0.5 * (tangent.values + tangent.mirror)
         factor = self.backend.factorise(values)
         if factor is None:

@@ -150,20 +150,9 @@ def solve_fronts(  # noqa: C901 (one loop nest, compiled)
                     if border > 0:
                         shape = (border, count, width)
                         gemm(
-                            blas,
-                            letters,
-                            NO,
-                            NO,
-                            shape,
-                            below,
-                            height,
-                            top,
-                            height,
-                            bottom,
-                            height,
-                            ints,
-                            reals,
-                        )
+                            blas, letters, NO, NO, shape, below, height, top, height, bottom, height,
+                            ints, reals,
+                        )  # fmt: skip
             elif count == 1:
                 if border > 0:
                     gemv(blas, letters, TRANSPOSED, border, width, below, height, bottom, top, ints, reals)
@@ -172,20 +161,9 @@ def solve_fronts(  # noqa: C901 (one loop nest, compiled)
                 if border > 0:
                     shape = (width, count, border)
                     gemm(
-                        blas,
-                        letters,
-                        TRANSPOSED,
-                        NO,
-                        shape,
-                        below,
-                        height,
-                        bottom,
-                        height,
-                        top,
-                        height,
-                        ints,
-                        reals,
-                    )
+                        blas, letters, TRANSPOSED, NO, shape, below, height, bottom, height, top, height,
+                        ints, reals,
+                    )  # fmt: skip
                 trsm(blas, letters, LEFT, TRANSPOSED, width, count, panel, height, top, height, ints, reals)
             for r in range(count):
                 for n in range(nodes.shape[0] if sweep == 0 else pivots[s]):

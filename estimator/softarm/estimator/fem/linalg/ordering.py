@@ -45,9 +45,6 @@ def dissect(points: Floats, graph: sparse.csr_matrix, free: Indices) -> Ordering
         points: Rest positions [m], shape (nodes, 3).
         graph: Which nodes are coupled, shape (nodes, nodes).
         free: Nodes to order.
-
-    Returns:
-        The tree.
     """
     groups: list[Indices] = []
     parents: list[int] = []

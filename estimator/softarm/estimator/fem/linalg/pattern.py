@@ -116,9 +116,6 @@ def build_pattern(nodes: int, order: Indices, groups: Sequence[Indices]) -> Patt
         nodes: Number of mesh nodes.
         order: Free nodes in elimination order.
         groups: Arrays of coupled nodes, each of shape (groups, nodes per group).
-
-    Returns:
-        The pattern.
     """
     place = np.full(nodes, FIXED, dtype=np.int64)
     place[order] = np.arange(len(order))

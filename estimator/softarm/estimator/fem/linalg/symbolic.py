@@ -60,11 +60,7 @@ class SymbolicFactorisation:
 
 
 def analyse(pattern: Pattern, ordering: Ordering, size: int = 3) -> SymbolicFactorisation:
-    """Find the fronts of a pattern whose free nodes stand in the ordering's order.
-
-    Returns:
-        The fronts.
-    """
+    """Find the fronts of a pattern whose free nodes stand in the ordering's order."""
     count = len(ordering.parent)
     owner = np.repeat(np.arange(count), np.diff(ordering.start))
     column = pattern.column

@@ -108,15 +108,12 @@ class Tetrahedra:
 
 
 def build_tetrahedra(points: Floats, block: ElementBlock, materials: tuple[Material, ...]) -> Tetrahedra:
-    """Precompute the linear stiffness and the rest frames.
+    """Precompute the linear stiffness and the rest frames; no pattern is attached yet.
 
     Args:
         points: Rest positions [m], shape (nodes, 3).
         block: Elements of kind ``tet4``.
         materials: Co-rotational material of each region.
-
-    Returns:
-        The elements, not yet attached to a pattern.
 
     Raises:
         InputError: The elements are not linear tetrahedra, or one is inverted.

@@ -64,6 +64,16 @@ def extrapolate(body: Body, last: Waypoint, before: Waypoint | None, fraction: f
     )
 
 
+def path_velocity(
+    body: Body, nodal_mass: Floats, balance: Balance, factor: StiffnessFactor, origin: Inputs, target: Inputs
+) -> Floats:
+    """Solve K du = df for the change of the applied forces from one end of a path to the other [m]."""
+    force = np.tensordot(target.pressures - origin.pressures, balance.evaluation.gradients, 1)
+    force += np.tensordot(target.loads - origin.loads, balance.load_vectors, 1)
+    force += np.outer(nodal_mass, target.gravity - origin.gravity)
+    return body.pattern.scatter(factor.solve(body.pattern.gather(force)))
+
+
 class EquilibriumPath:
     """The walk along a straight path of inputs, step by step.
 
@@ -161,17 +171,10 @@ class EquilibriumPath:
 
     def _arrive(self, fraction: float, corrected: Corrected) -> None:
         assert corrected.factor is not None
-        velocity = self._velocity(corrected.balance, corrected.factor)
+        velocity = path_velocity(
+            self._body, self._nodal_mass, corrected.balance, corrected.factor, self._origin, self._target
+        )
         self._before, self._last = self._last, Waypoint(fraction, corrected.solution.value, velocity)
-
-    def _velocity(self, balance: Balance, factor: StiffnessFactor) -> Floats:
-        """Solve K du = df for the change of the applied forces along the path."""
-        pressures = self._target.pressures - self._origin.pressures
-        loads = self._target.loads - self._origin.loads
-        gravity = self._target.gravity - self._origin.gravity
-        force = np.tensordot(pressures, balance.evaluation.gradients, 1)
-        force += np.tensordot(loads, balance.load_vectors, 1) + np.outer(self._nodal_mass, gravity)
-        return self._body.pattern.scatter(factor.solve(self._body.pattern.gather(force)))
 
     def _first_step(self) -> float:
         """Choose the whole path, or as much as moves no node farther than a step may."""

@@ -87,9 +87,6 @@ def stable_factor(
 
     The stand-in is the tangent with the least shift of its diagonal, among powers of ten, that makes it
     positive definite. The balance is that of the exact forces in every case.
-
-    Returns:
-        The balance, and the factor; None when the configuration is invalid.
     """
     balance = balancer(displacement, inputs, True)
     if not balance.evaluation.valid:

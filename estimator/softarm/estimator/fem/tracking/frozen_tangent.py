@@ -31,16 +31,13 @@ class FrozenTangent:
 def freeze_tangent(
     model: FiniteElementModel, displacement: Floats, inputs: Inputs, *, single: bool = True
 ) -> FrozenTangent | None:
-    """Factor the tangent at a configuration.
+    """Factor the tangent at a configuration; None where an element is inverted.
 
     Args:
         model: The model.
         displacement: The configuration [m], shape (nodes, 3).
         inputs: Inputs.
         single: Whether the factor is kept in single precision, which halves the time of a solve.
-
-    Returns:
-        The tangent; None where an element is inverted.
     """
     step = model.linearise(FiniteElementState(displacement, inputs), inputs)
     if step.factor is None:

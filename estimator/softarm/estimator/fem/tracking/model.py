@@ -19,7 +19,7 @@ from softarm.estimator.wrapper import ModelWrapper
 
 
 class BackgroundFactorisation(Background[tuple[Floats, Inputs], FrozenTangent | None]):
-    """Factors the latest configuration offered next; the kernels run without the interpreter's lock.
+    """Factors the latest configuration that was asked for; the kernels run without the interpreter's lock.
 
     Args:
         model: Model whose tangent is factored.
@@ -29,19 +29,6 @@ class BackgroundFactorisation(Background[tuple[Floats, Inputs], FrozenTangent | 
     def __init__(self, model: FiniteElementModel, *, single: bool = True) -> None:
         super().__init__(self._freeze, "factorisation")
         self._model, self._single = model, single
-
-    @property
-    def latest(self) -> FrozenTangent | None:
-        """The newest factor, None before the first is done."""
-        return self.newest
-
-    def offer(self, displacement: Floats, inputs: Inputs) -> None:
-        """Request the factor at a configuration, in place of a request that has not yet begun.
-
-        Raises:
-            RuntimeError: An earlier factorisation failed unexpectedly; the cause is attached.
-        """
-        self.ask((displacement, inputs))
 
     def _freeze(self, configuration: tuple[Floats, Inputs]) -> FrozenTangent | None:
         """Factor; where the tangent has no factor the last one stays."""
@@ -276,10 +263,10 @@ class TrackingModel(ModelWrapper):
         nearest = held
         if self.background is not None:
             if held is None or moved_on or (not calm and residual >= self.slowing * state.forces):
-                self.background.offer(state.displacement, inputs)
+                self.background.ask((state.displacement, inputs))
             # Another factor has other sensitivities and so another optimum: none is swapped near the end.
             if held is None or arrived or slow:
-                nearest = _nearer(state.displacement, held, self.background.latest)
+                nearest = _nearer(state.displacement, held, self.background.newest)
         if nearest is not None and (not slow or nearest is not held):
             return nearest
         return freeze_tangent(self.model, state.displacement, inputs, single=self.single)

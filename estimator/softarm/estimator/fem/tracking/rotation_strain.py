@@ -113,14 +113,9 @@ class SingleRotationStrain:
         carried = np.zeros_like(nodal)
         for block in self.blocks:
             carried_divergence(
-                nodal,
-                block.connectivity,
-                block.gradients,
-                block.weights,
-                rotations[block.span],
-                back,
+                nodal, block.connectivity, block.gradients, block.weights, rotations[block.span], back,
                 carried,
-            )
+            )  # fmt: skip
         return carried
 
     def moved(self, displacement: Floats, deformation: Singles, step: Floats, rotations: Singles) -> Floats:
