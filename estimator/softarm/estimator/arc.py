@@ -20,6 +20,7 @@ def arc_kernel(angle: float) -> tuple[float, float]:
 
 def arc_over_chord(angle: Floats) -> tuple[Floats, Floats]:
     """Compute what ``arc_kernel`` does for each of many angles [rad]."""
+    # Contiguous memory, so that the kernel is compiled for one type only.
     angles = np.array(angle, dtype=np.float64, order="C")
     ratios, slopes = np.empty_like(angles), np.empty_like(angles)
     _arcs(angles.reshape(-1), ratios.reshape(-1), slopes.reshape(-1))

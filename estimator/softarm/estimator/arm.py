@@ -58,6 +58,7 @@ def model_on_mesh(specimen: Specimen, mesh: Mesh, loads: Sequence[Load] | None =
     )
     calibration = specimen.calibration
     scales = {region: calibration.scale(region) for region in mesh.regions}
+    # What is no region is a winding; all windings share one factor.
     others = [name for name in model.parameters if name not in scales]
     return model.with_scales(scales | dict.fromkeys(others, calibration.fibre_scale.value))
 
@@ -69,7 +70,9 @@ def region_materials(specimen: Specimen, mesh: Mesh) -> dict[str, Material]:
         np.add.at(volumes, block.region, element_volumes(mesh.points, block))
     materials = {}
     for part, volume in zip(specimen.parts, volumes, strict=True):
+        # Only faces have no material, and they are no parts; the specimen was checked when it was read.
         entry = specimen.materials[part.material or ""]
+        # A weighed mass includes what is cast in, so it takes the place of the silicone's density.
         density = entry.density_kg_m3 if part.mass_kg is None else part.mass_kg / float(volume)
         materials[part.name] = Material(entry.law, entry.young, entry.poisson_ratio, density, entry.shape)
     return materials

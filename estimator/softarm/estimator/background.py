@@ -21,6 +21,7 @@ class Background(Generic[Request, Answer]):
         self._answer: Answer | None = None
         self._failure: Exception | None = None
         self._busy = self._closing = False
+        # A daemon: a program that ends on an error does not wait for work of seconds.
         self._thread = Thread(target=self._run, name=name, daemon=True)
 
     def __enter__(self) -> Self:
@@ -54,6 +55,7 @@ class Background(Generic[Request, Answer]):
             RuntimeError: Earlier work failed unexpectedly; the cause is attached.
         """
         with self._changed:
+            # Raised here, in the caller's thread: the worker has nobody to tell.
             if self._failure is not None:
                 raise RuntimeError(f"{self._thread.name} failed") from self._failure
             self._request = request
@@ -72,6 +74,7 @@ class Background(Generic[Request, Answer]):
                 answer, failure = None, error
             with self._changed:
                 self._answer, self._failure = answer, failure
+                # After a failure as well, or `wait` would never return.
                 self._busy = False
                 self._changed.notify_all()
 
@@ -83,5 +86,6 @@ class Background(Generic[Request, Answer]):
             )
             if self._closing or self._failure is not None:
                 return None
+            # Taken and marked under one lock, so that `idle` is not true in between.
             request, self._request, self._busy = self._request, None, True
             return request

@@ -72,6 +72,7 @@ def without_orphans(mesh: Mesh) -> Mesh:
     used = np.zeros(len(mesh.points), dtype=bool)
     for block in mesh.blocks:
         used[block.connectivity] = True
+    # New numbers of the nodes that stay; entries of the others are never read.
     number = np.cumsum(used) - 1
 
     def members(nodes: Indices) -> Indices:

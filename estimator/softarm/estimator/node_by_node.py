@@ -107,6 +107,7 @@ class NodeByNode(ModelWrapper):
         every = tuple(inputs.samples())
         parts = np.array_split(np.arange(samples), PARTS)
         with ThreadPoolExecutor(PARTS) as executor:
+            # Iterating raises what a thread raised.
             for _ in executor.map(lambda part: self._solve_part(response, part, every, start), parts):
                 pass
         return response
@@ -125,6 +126,7 @@ class NodeByNode(ModelWrapper):
         points = np.reshape(
             [np.append(inputs[k].pressures, inputs[k].loads) for k in part], (len(part), rows)
         )
+        # Pascals and newtons are compared over their ranges.
         points /= np.maximum(np.abs(points).max(axis=0, initial=0.0), 1e-9)
         distance, nearest = np.linalg.norm(points, axis=1), np.zeros(len(part), dtype=np.int64)
         remaining = np.ones(len(part), dtype=bool)
@@ -132,6 +134,7 @@ class NodeByNode(ModelWrapper):
             place = int(np.argmin(np.where(remaining, distance, np.inf)))
             remaining[place], index = False, part[place]
             begin = solved[nearest[place]]
+            # A sample's own state of an earlier solve is nearer than a neighbour's, unless that solve failed.
             if start is not None and start.converged[index]:
                 begin = start.states[index]
             response.states[index] = sample = self._solve(response, index, begin, inputs[index])
@@ -150,6 +153,7 @@ class NodeByNode(ModelWrapper):
         response.frames.positions[index] = step.frames.positions
         response.frames.rotations[index] = step.frames.rotations
         if not response.converged[index]:
+            # Without derivatives: this is no equilibrium to extrapolate from.
             return SolvedSample(state, inputs, scales)
         for _ in range(NEWTON_STEPS):
             drift, *jacobians = full_response(self.model, state, step, inputs)
@@ -157,6 +161,7 @@ class NodeByNode(ModelWrapper):
                 break
             state = self.model.advance(step, np.zeros(self.chambers + len(self.loads)))
             step = self.model.linearise(state, inputs)
+        # What remains is short enough to go along the tangent, which costs no further factor.
         move = drift.reshape(-1, 6)
         response.frames.positions[index] = step.frames.positions + move[:, :3]
         response.frames.rotations[index] = exp(move[:, 3:]) @ step.frames.rotations
@@ -164,6 +169,7 @@ class NodeByNode(ModelWrapper):
         response.input_jacobian[index] = np.column_stack([by_inputs, by_gravity])
         # The chain rule turns a derivative by the factor into one by its logarithm.
         response.factor_jacobian[index] = by_factors * scales
+        # In single precision: every sample keeps one field of nodes per input and factor.
         motions = getattr(step, "motions", None)
         return SolvedSample(state, inputs, scales, None if motions is None else motions.astype(np.float32))
 
@@ -195,6 +201,7 @@ def settle(
         step = model.linearise(state, inputs)
         if step.residual_norm < NEAR:
             return state, step, True
+        # Written so that NaN ends the loop as well.
         if not step.residual_norm < last:
             break
         last = step.residual_norm
@@ -219,6 +226,7 @@ def full_response(
         return cast(Any, step).full_response(eye)  # type: ignore[no-any-return]
     drift, by_inputs = step.response(eye)
     by_gravity = []
+    # The out-of-balance force is linear in gravity, so that a difference is exact at any step.
     for axis in np.eye(3):
         nearby = model.linearise(state, replace(inputs, gravity=inputs.gravity + GRAVITY_STEP * axis))
         by_gravity.append((nearby.response(eye)[0] - drift) / GRAVITY_STEP)

@@ -72,6 +72,7 @@ class Recording:
         """
         measured = self.columns.get(f"pressure_{chamber}_pa")
         commanded = self.columns.get(f"pressure_cmd_{chamber}_pa")
+        # A column of nothing but lost readings: the sensor was configured and never answered.
         if measured is None or (commanded is not None and not np.isfinite(measured).any()):
             return self.columns[f"pressure_cmd_{chamber}_pa"], "commanded"
         return measured, "measured"

@@ -63,6 +63,7 @@ class ArmResponse:
 
     def at(self, chosen: Flags | Indices) -> "ArmResponse":
         """Select samples by flags or numbers."""
+        # A derivative that nobody asked for has no samples to choose from.
         kept: dict[str, Any] = {n: array[chosen] for n, array in self._arrays.items() if len(array)}
         frames = Frames(self.frames.positions[chosen], self.frames.rotations[chosen])
         return replace(self, frames=frames, converged=self.converged[chosen], **kept)

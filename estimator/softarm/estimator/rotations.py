@@ -20,6 +20,7 @@ def exp_kernel(vectors: Floats, matrices: Floats) -> None:
     for i in range(vectors.shape[0]):
         x, y, z = vectors[i, 0], vectors[i, 1], vectors[i, 2]
         square = x * x + y * y + z * z
+        # Rodrigues' coefficients divide by the angle; here the series' next terms are below rounding.
         if square < 1e-8:
             a = 1.0 - square / 6.0
             b = 0.5 - square / 24.0
@@ -64,6 +65,7 @@ def quaternion_kernel(matrices: Floats, quaternions: Floats) -> None:
             q[1 + b] = m[a, b] + m[b, a]
             q[1 + c] = m[a, c] + m[c, a]
         norm = np.sqrt(q[0] ** 2 + q[1] ** 2 + q[2] ** 2 + q[3] ** 2)
+        # q and -q are one rotation; with w >= 0 the rotation vector has an angle of at most pi.
         if q[0] < 0.0:
             norm = -norm
         for k in range(4):
@@ -116,6 +118,7 @@ def inverse_jacobian_kernel(vectors: Floats, matrices: Floats) -> None:
     for i in range(vectors.shape[0]):
         v = vectors[i]
         square = v[0] * v[0] + v[1] * v[1] + v[2] * v[2]
+        # The closed form cancels near zero; the series' next term is 3e-13 here.
         if square < 1e-4:
             c = 1.0 / 12.0 + square / 720.0
         else:
@@ -222,6 +225,7 @@ def without_jumps(quaternions: Floats) -> Floats:
     valid = np.flatnonzero(np.isfinite(continued).all(axis=1))
     if len(valid) > 1:
         flips = (continued[valid[1:]] * continued[valid[:-1]]).sum(axis=1) < 0.0
+        # A flip reverses all that follow, so only an odd number of flips before a sample reverses it.
         continued[valid[1:]] *= np.where(np.cumsum(flips) % 2, -1.0, 1.0)[:, None]
     return continued
 
@@ -234,6 +238,7 @@ def mean_rotation(rotations: Floats) -> Floats:
 def nearest_rotation(matrix: Floats) -> Floats:
     """Compute the rotation nearest to a matrix, shape (3, 3), in the Frobenius norm."""
     left, _, right = np.linalg.svd(matrix)
+    # Without the sign the nearest orthogonal matrix may be a reflection (Kabsch 1976).
     sign = np.sign(np.linalg.det(left @ right))
     rotation: Floats = (left * [1.0, 1.0, sign]) @ right
     return rotation

@@ -28,6 +28,7 @@ def mounted_base(specimen: Specimen) -> Registration:
     base = specimen.sections[0]
     entry = specimen.calibration.frame(base.name)
     rest = from_quaternions(np.array(base.frame_quaternion))
+    # The misalignment is given in the section's axes; `rest` takes it to those of the base.
     rotation = rest @ exp(np.array(entry.misalignment_rad)) @ rest.T
     origin = np.array(base.frame_origin_m)
     return Registration(rotation, origin + rest @ np.array(entry.offset_m) - rotation @ origin)

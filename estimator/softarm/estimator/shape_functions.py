@@ -53,6 +53,7 @@ def _multilinear(points: Floats, corners: Floats) -> Shape:
 def _serendipity(points: Floats, corners: Floats, edges: Floats) -> Shape:
     """Compute the serendipity functions: corners corrected by half of each adjacent mid-edge one."""
     middles = 0.5 * (corners[edges[:, 0]] + corners[edges[:, 1]])
+    # At its middle an edge's own coordinate is 0 and the others are -1 or 1.
     along = middles == 0.0
     x = points[:, None, :]
     factors = np.where(along, 1.0 - x**2, 0.5 * (1.0 + x * middles))
@@ -141,9 +142,11 @@ def volume_form(kind: str) -> tuple[Indices, Floats]:
         points, measure = _gauss(4, 2)
     value, slope = shape_functions(kind, points)
     form = np.einsum("q,qa,qb,qc->abc", measure, value, slope[:, :, 0], slope[:, :, 1]) / 3.0
+    # A determinant changes sign when two nodes change places: only the alternating part of the form counts.
     odd = form.transpose(1, 0, 2) + form.transpose(0, 2, 1) + form.transpose(2, 1, 0)
     alternating = form + form.transpose(1, 2, 0) + form.transpose(2, 0, 1) - odd
     triples = np.array(list(combinations(range(value.shape[1]), 3)))
     coefficients = alternating[triples[:, 0], triples[:, 1], triples[:, 2]]
+    # Most triples vanish by symmetry, and each that stays costs time in every evaluation of a chamber.
     keep = np.abs(coefficients) > 1e-14
     return triples[keep], coefficients[keep]

@@ -80,6 +80,7 @@ def factorise(a: Floats, lower: Floats) -> bool:
             for k in range(c):
                 total -= lower[r, k] * lower[c, k]
             if r == c:
+                # Written so that NaN counts as not positive definite.
                 if not total > 0.0:
                     return False
                 lower[r, r] = np.sqrt(total)

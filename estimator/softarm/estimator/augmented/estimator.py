@@ -166,6 +166,7 @@ class AugmentedEstimator(Generic[State, Step]):
         lost = ~np.isfinite(acting)
         drive = self._drive(time, np.where(lost, 0.0, acting), gravity)
         last = self._last or self._at_rest(drive)
+        # Effects feel the estimated pull, but only what they add to it is known to the estimator.
         pulled = replace(drive, wrenches=self._pull)
         shaped, self._memories = advance_with(self._effects, self._world, pulled, last, self._memories)
         shaped = replace(shaped, wrenches=shaped.wrenches - self._pull)

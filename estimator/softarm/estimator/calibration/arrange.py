@@ -121,6 +121,7 @@ def arrange(
             "record motion that is seen and no event",
         )
     pulls = known_pulls(recording, specimen, registration, loads)
+    # A gauge reads at its own times; between two readings its force is taken to change evenly.
     bridged = [interpolate(recording.time, recording.time, column) for column in pulls.T]
     run = CalibrationRun(
         recording.name,
@@ -215,6 +216,7 @@ def _bends(recording: Recording, make: SpecimenSensors) -> Sensors:
 def _poses(recording: Recording, make: SpecimenSensors) -> Sensors:
     for section in recording.frames:
         _require_section(recording, "frame", section, make.sections)
+    # The pose of the base registers the laboratory; as a sensor it would only repeat that.
     below = [section for section in recording.frames if section != make.sections[0]]
     made = [(make.pose(section), _averageable(recording.pose(section))) for section in below]
     return {sensor.name: (sensor, values) for sensor, values in made}

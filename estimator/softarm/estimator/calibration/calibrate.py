@@ -80,6 +80,7 @@ def calibrate(
             them, or the fit predicts held-out blocks worse than the old calibration.
     """
     options = options or Options()
+    # Before the nodes are chosen: each averages pressures and motion of the same instants.
     lags = tuple(estimate_lag(run) if options.fit_lag else None for run in runs)
     nodes = _choose(runs, lags, options.nodes)
     train = training_flags(nodes)
@@ -94,7 +95,10 @@ def calibrate(
         solved = tuple(flags & part.converged for flags, part in zip(train, before, strict=True))
         gains = search_axes(nodes[0].run.suite, _parts(nodes, solved), _frames(before, solved))
         nodes = tuple(replace(run_nodes, run=_with_axes(run_nodes.run, gains)) for run_nodes in nodes)
+        # Once more, since the layout begins from the alignment of the sensors.
         forward = _forward(model, specimen, nodes)
+    # Kept, since `forward` will hold the moduli near those of the pulls: verdicts compare with what was known
+    # before any data.
     known_before = forward.layout
     sized = sized_by_bends(specimen, known_before, first, gains)
     pulled = moduli_from_pulls(forward, sized, before, train)
@@ -106,17 +110,21 @@ def calibrate(
         trained.evaluations, _parts(nodes, train), _subset(before, unseen), _parts(nodes, unseen)
     )
     held_out = _part(replace(forward, layout=layout), unseen).evaluate(trained.values, nearest)
+    # Where the arm had to be stiffened to have an equilibrium, the old calibration predicts nothing to
+    # compare with.
     old = before if np.array_equal(first, prior_means) else ()
     check = _check(old, trained.evaluations, held_out, nodes, train)
     _require_improvement(check)
     near = joined(before, trained.evaluations, held_out, train)
     every = tuple(np.ones(len(run_nodes.time), dtype=bool) for run_nodes in nodes)
+    # Checked as it is, the model is fitted to everything, the held-out blocks included.
     pulled = moduli_from_pulls(replace(forward, layout=known_before), pulled.values, near, every)
     layout = pulled.near(known_before).without(set(known_before.names) - set(layout.names))
     everything = replace(forward, layout=layout)
     start = with_bends_kept(specimen, layout, trained.values, pulled.moved(layout, trained.values))
     final = fit(everything, start, iterations=options.iterations, evaluations=near)
     _require_convergence(final, layout)
+    # Held near the pulls' values, the moduli would look better known than the pulls make them.
     covariance = pulled.widened(layout, final.covariance)
     scatter = scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train))
     dropped = [p for p in forward.layout.unknowns if p.name not in layout.names]
@@ -174,6 +182,7 @@ def _judged(
 def _choose(runs: Sequence[CalibrationRun], lags: Sequence[float | None], count: int) -> tuple[Nodes, ...]:
     aligned = [run.delayed(lag) if lag else run for run, lag in zip(runs, lags, strict=True)]
     durations = [max(float(run.time[-1] - run.time[0]), 1e-3) * _weight(run) for run in aligned]
+    # A short run beside long ones keeps a few nodes, or what only it shows would be lost.
     shares = [max(8, round(count * duration / sum(durations))) for duration in durations]
     chosen = tuple(choose_nodes(run, share) for run, share in zip(aligned, shares, strict=True))
     if not sum(len(run_nodes.time) for run_nodes in chosen):

@@ -158,10 +158,13 @@ def fit(
         count += 1
         new_rows = collect(candidate, forward.nodes)
         _, _, new_cost = _normal_equations(forward, new_rows, values + step, scatter)
+        # Only a step that nothing held back, on the same rows and scatter, shows by its gain that the end is
+        # near.
         free = (
             damping <= FIRST_DAMPING and count > SETTLING and len(new_rows.innovation) == len(rows.innovation)
         )
         gain = abs(cost - new_cost) if free else np.inf
+        # A cost that falls because equilibria are lost is no improvement.
         if len(new_rows.innovation) >= 0.9 * len(rows.innovation) and new_cost <= cost * (1 + 1e-9):
             values, current, damping = values + step, candidate, max(damping * 0.2, 1e-9)
         elif damping < LARGEST_DAMPING:
@@ -315,13 +318,16 @@ def _covariance(forward: Forward, rows: ResidualRows, scatter: Scatter, normal: 
     """
     curvature: Floats = np.linalg.inv(normal).astype(np.float64)
     blocks = np.unique(rows.block)
+    # Two blocks do not show how much blocks differ.
     if len(blocks) < 3:
         return curvature
     scale, whitened, weight = _whitened(rows, scatter)
     scores = rows.jacobian * (weight * whitened / scale)[:, None]
     gradients = np.array([scores[rows.block == block].sum(axis=0) for block in blocks])
+    # The last factor corrects for the small number of blocks.
     spread = curvature @ (gradients.T @ gradients) @ curvature * len(blocks) / (len(blocks) - 1)
     prior = np.diag(forward.layout.prior_covariance())
+    # No wider than the prior: data cannot make an unknown less known.
     widest = np.minimum(
         np.maximum(np.diag(spread), np.diag(curvature)), np.maximum(prior, np.diag(curvature))
     )

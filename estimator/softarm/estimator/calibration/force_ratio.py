@@ -80,8 +80,10 @@ def _squares(
     noise = noise + to_pressures @ spread @ np.swapaxes(to_pressures, 1, 2)
     squares = []
     for node, pull in enumerate(setting.pulls(run_nodes.loads)):
+        # Three components a section: that of the largest is the section pulled on.
         first = int(np.argmax(np.abs(pull))) // 3 * 3
         axial = first + LATERAL
+        # The estimate has no axial load: what the prediction owes to that component is missing from it.
         missed = at.innovation[node] + to_loads[node, :, axial] * pull[axial]
         observed = np.flatnonzero(np.isfinite(missed))
         rows = to_loads[node][observed, first:axial]

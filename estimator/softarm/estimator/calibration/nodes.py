@@ -75,6 +75,7 @@ def choose_nodes(run: CalibrationRun, count: int) -> Nodes:
     rows, weights, kept = [], [], []
     for centre in centres:
         inside = np.abs(run.time - centre) <= window / 2
+        # Pressures and loads are inputs of the model, which needs them all; any reading may be missing.
         inside &= np.isfinite(run.pressures).all(axis=1) & np.isfinite(run.loads).all(axis=1)
         if inside.any():
             kept.append(centre)
@@ -149,6 +150,7 @@ def _noise(columns: Floats) -> Floats:
     curvature = np.abs(np.diff(columns, n=2, axis=0))
     observed = np.isfinite(curvature)
     sizes: Floats = np.where(observed, curvature, 0.0).sum(axis=0) / np.maximum(observed.sum(axis=0), 1)
+    # The second difference of white noise has 1 + 4 + 1 times its variance.
     noise: Floats = sizes * (NORMAL_MEAN / np.sqrt(6.0))
     return noise
 

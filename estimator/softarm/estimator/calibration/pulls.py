@@ -165,6 +165,7 @@ def saturation(recording: Recording, gauge: str, section: str) -> tuple[float, i
     observed = np.flatnonzero(np.isfinite(pull))
     values = pull[observed]
     top = float(values.max(initial=0.0))
+    # Hardly a pull, or an even one such as a hanging weight: there repeats say nothing of the range.
     if top < 10 * LEAST_PULL or np.ptp(values) <= 0.5 * top:
         return top, 0
     apart = np.diff(recording.time[observed], prepend=-np.inf, append=np.inf) > LONGEST_BRIDGE

@@ -55,6 +55,7 @@ def estimate_lag(run: CalibrationRun) -> float | None:
         return None
     lags = np.arange(-LONGEST_LAG, LONGEST_LAG + LAG_STEP / 2, LAG_STEP)
     unexplained = np.array([_unexplained(run.delayed(lag)) for lag in lags])
+    # Where pressures explain less than half of the motion, the best lag is a matter of chance.
     if unexplained.min() > 0.5:
         return None
     return _lowest(lags, unexplained)

@@ -44,6 +44,7 @@ def scatter_by_condition(evaluations: Sequence[NodePredictions], nodes: Sequence
         if pairs:
             parts = by_quantity(rms([pair[0] for pair in pairs], [pair[1] for pair in pairs]))
             scatter |= {f"{name}{suffix}": value for name, value in parts.items()}
+        # With a gauge in every run, scatter under pulls stands in for that without.
         elif not suffix:
             scatter = by_quantity(rms(evaluations, nodes))
     return scatter

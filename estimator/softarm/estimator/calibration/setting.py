@@ -18,6 +18,7 @@ from softarm.estimator.stretch import StretchedBatch, StretchLaw
 def gravity_axes(gravity: Floats) -> Floats:
     """Return two unit axes across gravity, shape (2, 3): x and y where it points along z."""
     down = gravity / max(float(np.linalg.norm(gravity)), 1e-12)
+    # From y, so that a hanging arm is tilted about x, then y; from z where gravity points along y.
     first = np.cross([0.0, 1.0, 0.0] if abs(down[1]) < 0.9 else [0.0, 0.0, 1.0], down)
     first /= np.linalg.norm(first)
     return np.array([first, np.cross(down, first)])

@@ -78,12 +78,14 @@ class Prediction:
     def base_jacobian(self) -> Floats:
         """Derivative by a motion of the base under the registered sensors, shape (nodes, rows, 6)."""
         moved = self.rigid_jacobian - lever(self.suite, np.nan_to_num(self.innovation))
+        # Moving what the registered readings map to is moving their prediction the other way.
         base: Floats = -registered(self.suite)[:, None] * moved
         return base
 
     @cached_property
     def tilt_jacobian(self) -> Floats:
         """Derivative by the rotation of gravity about its two axes, shape (nodes, rows, 2)."""
+        # d (exp(w) g) = w x g = -[g] w.
         tilts = -skew(self.setting.gravity(self.gravity)) @ self.setting.gravity_axes.T
         tilted: Floats = self.twists @ self.response.gravity_jacobian @ tilts
         return tilted

@@ -109,6 +109,7 @@ def plan_for(
     lacking, chosen = [ENOUGH] * len(rivals), []
     while remaining and any(lack > 0.0 for lack in lacking):
         best = max(remaining, key=lambda choice: choice.gain(lacking))
+        # A D^2 below 1 decides nothing; what is left of the menu would only take time.
         if best.gain(lacking) * best.seconds < 1.0:
             break
         remaining.remove(best)

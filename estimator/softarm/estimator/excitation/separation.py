@@ -85,6 +85,7 @@ class SeparatedArm:
             times += (begin + (end - begin) * np.arange(1, pieces + 1) / pieces).tolist()
         clock = np.array(times)
         drive = self._drive(manoeuvre, clock)
+        # To a pascal and to 0.1 mN: a path that comes back to a state finds it solved.
         state = np.round(np.column_stack([drive.pressures, drive.wrenches[:, -1, :3] * 1e4]))
         _, chosen, back = np.unique(state, axis=0, return_index=True, return_inverse=True)
         solved = self.arm.respond(drive.at(chosen))
@@ -114,6 +115,8 @@ class SeparationTrial:
         """Divide by the noise and take out what fades slowly."""
         step = float(self.drive.time[1] - self.drive.time[0])
         decay = min(float(np.exp(-step / FADING)), SLOWEST)
+        # Where SLOWEST bounds the decay, samples are whitened as if they told more than they do: they weigh
+        # less.
         share = step / (2.0 * FADING) * (1.0 + decay) / (1.0 - decay)
         scaled = np.sqrt(min(share, 1.0)) * change / self._floors
         fresh = np.vstack([scaled[:1], (scaled[1:] - decay * scaled[:-1]) / np.sqrt(1.0 - decay**2)])

@@ -102,6 +102,7 @@ class Body:
         """
         forces = np.zeros_like(self.points)
         blocks = np.zeros((self.pattern.slots if tangent else 0, 3, 3))
+        # Solids, fibres and chambers have symmetric tangents: one array holds both halves.
         mirror = blocks
         valid = True
         for solid in self.solids:
@@ -112,9 +113,11 @@ class Body:
         for cavity in self.cavities:
             cavity.volumes(positions, pressures, volumes, gradients, blocks, tangent)
         if self.tetrahedra:
+            # From here on the halves differ: co-rotational elements enter theirs into both.
             mirror = blocks.copy()
             for block in self.tetrahedra:
                 valid = valid and block.forces(positions, scales, forces, blocks, mirror, tangent)
+        # The same array, not an equal one, is what tells `Tangent.symmetric`.
         if self.symmetric:
             mirror = blocks
         return AssembledForces(
@@ -165,6 +168,7 @@ def build_body(
         *(cavity.facets for cavity in cavities),
     ]
     graph = adjacency(len(mesh.points), groups)
+    # The order comes before the pattern, which stores blocks by their place in the elimination.
     ordering = dissect(mesh.points, graph, free_nodes(len(mesh.points), held, groups))
     pattern = build_pattern(len(mesh.points), ordering.order, groups)
     return Body(

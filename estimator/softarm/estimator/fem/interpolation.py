@@ -50,11 +50,13 @@ def _candidates(kind: str, corners: Floats, points: Floats) -> tuple[Indices, In
     """Pair points with the elements whose box holds them, along the axes and along the element's own."""
     pairs: list[tuple[Indices, Indices]] = []
     low, high = _box(corners)
+    # In chunks, since points times elements is too large an array on a fine mesh.
     for start in range(0, len(points), 512):
         chunk = points[start : start + 512, None]
         which, element = np.nonzero(((chunk >= low) & (chunk <= high)).all(axis=2))
         pairs.append((which + start, element))
     which, element = (np.concatenate(part) for part in zip(*pairs, strict=True))
+    # The box along the base frame's axes is wide about a slanted element; that along its own axes is not.
     values, slopes = shape_functions(kind, _middle(kind)[None])
     middle, to_own = values[0] @ corners, np.linalg.inv(_regular(corners.transpose(0, 2, 1) @ slopes[0]))
     low, high = _box((corners - middle[:, None]) @ to_own.transpose(0, 2, 1))
@@ -88,6 +90,7 @@ def _parent(kind: str, corners: Floats, targets: Floats) -> Floats:
         residual = targets[moving] - (values[:, None] @ corners[moving])[:, 0]
         jacobian = _regular(corners[moving].transpose(0, 2, 1) @ slopes)
         step = np.linalg.solve(jacobian, residual[..., None])[..., 0]
+        # On a curved element a full first step may lead so far out that Newton's iteration does not return.
         parent[moving] += np.clip(step, -1.0, 1.0)
         moving = moving[np.abs(step).max(axis=1) >= 1e-12]
         if not len(moving):
@@ -116,10 +119,12 @@ def locate(mesh: Mesh, points: Floats) -> tuple[PointMap, Floats]:
         parent = _parent(block.kind, mesh.points[connectivity], points[which])
         outside = inside_violation(block.kind, parent)
         order = np.lexsort((outside, which))
+        # Of the elements near a point, that in which it lies deepest.
         first = order[np.concatenate([[True], np.diff(which[order]) > 0])] if len(order) else order
         better = first[outside[first] < violation[which[first]]]
         target, size = which[better], connectivity.shape[1]
         violation[target] = outside[better]
+        # Padded with a node of the element itself, so that no foreign node is coupled to the point.
         nodes[target] = connectivity[better, :1]
         nodes[target, :size] = connectivity[better]
         weights[target] = 0.0

@@ -75,9 +75,11 @@ def build_loads(mesh: Mesh, loads: tuple[Load, ...], sections: dict[str, Section
         fit = SectionFit.of((frame,), len(mesh.points))
         row = np.zeros(6)
         row[slice(0, 3) if load.kind == "force" else slice(3, 6)] = direction
+        # At the mean of its points a force acts alike on all of them, however the section turns.
         if load.kind == "force" and np.allclose(frame.origin, frame.mean, atol=1e-12):
             constant[index] = fit.at(mesh.points).pull_back(row[None])[0]
         else:
+            # By frame, so that a section's loads share one fit per evaluation.
             indices, _, rows = following.setdefault(id(frame), ([], fit, []))
             indices.append(index)
             rows.append(row)
@@ -105,6 +107,7 @@ def _share(mesh: Mesh, load: DistributedLoad) -> Floats:
         values, slopes = shape_functions(kind, places)
         corners = mesh.points[nodes]
         tangents = np.einsum("eni,qnk->eqik", corners, slopes)
+        # The root of Gram's determinant is the volume of an element and the area of a facet alike.
         gram = np.linalg.det(np.einsum("eqik,eqil->eqkl", tangents, tangents))
         measure = np.sqrt(gram) * weights
         if load.between is not None:

@@ -21,6 +21,7 @@ from softarm.estimator.fem.statics.solution import Solution
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Frames, Inputs, Load
 
+# Some tens of terms meet in a nodal force, each rounded.
 ROUNDING = 30.0 * np.finfo(float).eps
 
 
@@ -260,7 +261,10 @@ class FiniteElementModel:
         fields[2] = evaluation.forces
         pushed, loaded, internal = self.body.pattern.gather(fields)
         residual = pushed + loaded - internal
+        # Not the norm of the sum: where pressure and load cancel, the residual would be compared with
+        # nothing.
         applied = np.hypot(np.linalg.norm(pushed), np.linalg.norm(loaded))
+        # Without any load, rounding is all there is to compare with.
         applied = max(float(applied), self.force_resolution / self.settings.tolerance)
         norm = float(np.linalg.norm(residual) / applied) if evaluation.valid else np.inf
         return Balance(evaluation, residual, vectors, norm)
@@ -314,6 +318,7 @@ class FiniteElementModel:
         start = start or self.rest()
         path = EquilibriumPath(self.body, self.balance, start.inputs, inputs, self.nodal_mass, self.settings)
         walked = path.walk(start.displacement)
+        # A path that ended early stands at its last equilibrium, with the inputs of that one.
         reached = inputs if walked.converged else between(start.inputs, inputs, path.fraction)
         state = FiniteElementState(walked.value, reached)
         return Solution(state, walked.status, walked.iterations, walked.residual_norm)
@@ -337,6 +342,7 @@ def _force_resolution(body: Body) -> float:
     none, ones = np.zeros(body.chambers), np.ones(len(body.parameters))
     tangent = body.evaluate(body.points, none, ones).tangent
     assert tangent is not None
+    # The first block of a column is the one on the diagonal.
     stiffness = np.linalg.norm(np.trace(tangent.values[body.pattern.column_start[:-1]], axis1=1, axis2=2))
     return float(ROUNDING * stiffness * np.ptp(body.points, axis=0).max())
 

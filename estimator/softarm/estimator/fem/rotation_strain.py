@@ -158,6 +158,7 @@ class RotationStrain:
             gradient = rotations @ gradient
         velocity = gradient @ np.linalg.inv(deformation)
         skew = 0.5 * (velocity - velocity.swapaxes(1, 2))
+        # The axial vector of the skew part.
         spin = exp(np.column_stack([skew[:, 2, 1], skew[:, 0, 2], skew[:, 1, 0]]))
         strained = np.eye(3) + 0.5 * (velocity + velocity.swapaxes(1, 2))
         change = (spin @ strained - np.eye(3)) @ deformation

@@ -166,6 +166,7 @@ def frame_of_points(points: PointMap, mesh: Mesh, origin: Floats | None, rotatio
 def _frame(points: PointMap, mesh: Mesh, origin: Floats | None, rotation: Floats, where: str) -> SectionFrame:
     rest = points.apply(mesh.points)
     spread = np.linalg.svd(rest - rest.mean(axis=0), compute_uv=False)
+    # Points in one line leave the rotation about it open.
     if len(rest) < 3 or spread[1] < 1e-6 * max(spread[0], 1e-12):
         raise InputError(where, "fewer than three points that are not in line", "give it more nodes")
     return frame_of_points(points, mesh, origin, rotation)
@@ -203,10 +204,12 @@ def _fit_rotations(columns: Floats, single: Flags) -> tuple[Floats, Floats]:
     """Compute R and R (tr U - U)^-1 from the columns of M = R U, shape (sections, 3, 3), by column."""
     left, values, right = np.linalg.svd(columns.swapaxes(1, 2))
     mirrored = np.linalg.det(left @ right) < 0.0
+    # A reflection fits best: the nearest rotation reverses the direction of the smallest singular value.
     left[mirrored, :, 2] *= -1.0
     values[mirrored, 2] *= -1.0
     # (tr U - U)^-1 in the eigenbasis of U, whose eigenvalues are the (signed) singular values.
     spread = values.sum(axis=1, keepdims=True) - values
+    # A single point never turns, whatever its neighbours do.
     spread[single] = np.inf
     since_rest = np.where(single[:, None, None], np.eye(3), left @ right)
     return since_rest, left @ (right / spread[:, :, None])

@@ -24,6 +24,7 @@ def check_mesh(mesh: Mesh, where: str) -> Mesh:
         if name.startswith("chamber_"):
             _check_chamber(mesh, name, where)
     for name, nodes in mesh.node_sets.items():
+        # Three nodes make a frame.
         needed = 1 if name == "clamp" else 3
         if len(nodes) < needed:
             raise InputError(

@@ -10,6 +10,7 @@ from softarm.estimator.geometry.resolution import Resolution
 from softarm.estimator.specimen import Block, Cylinder, QuadrantCylinder, SweptLobes
 
 ORIGIN = np.zeros(2)
+# Where between centre and vertex the core's inner corners lie.
 CORE_SHARE = 0.5
 
 
@@ -29,6 +30,7 @@ def lobe_patches(shape: SweptLobes, height: float, azimuth: float, resolution: R
     radius = float(np.interp(height, shape.station_heights_m, shape.lobe_radii_m))
     patches = []
     for lobe in range(3):
+        # A lobe is drawn opening to +y.
         angle = azimuth + lobe * 2.0 * np.pi / 3.0 - 0.5 * np.pi
         patches += [moved(part, angle, ORIGIN) for part in _core(radius, resolution.arc_divisions)]
         shift = radius / np.sqrt(3.0) * np.array([-np.sin(angle), np.cos(angle)])
@@ -151,6 +153,7 @@ def _around(half_sector: list[Patch], count: int, azimuth: float) -> list[Patch]
     """Mirror half a sector and repeat it around the axis; chamber 0 is centred at ``azimuth`` [rad]."""
     patches = []
     for number in range(count):
+        # Half a sector begins at a dividing wall, half a pitch before the chamber's centre.
         angle = azimuth + (2.0 * number - 1.0) * np.pi / count
         for patch in half_sector:
             placed = patch._replace(cavity=number) if patch.cavity >= 0 else patch

@@ -56,6 +56,7 @@ def connected_parts(kind: FacetKind, facets: Indices) -> list[Indices]:
         low = label[corners].min(axis=1)
         new = label.copy()
         np.minimum.at(new, corners, low[:, None])
+        # Labels jump to the label of their label, so that a few passes join a surface of any size.
         new = new[new]
         if np.array_equal(new, label):
             break

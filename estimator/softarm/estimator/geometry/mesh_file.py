@@ -15,6 +15,7 @@ from softarm.estimator.reference_elements import FACE_KIND
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Chamber, MeshFile, Section, Specimen
 
+# Of the body's height, within which a node lies on a face.
 FACE_TOLERANCE = 1e-4
 
 
@@ -40,6 +41,7 @@ def read_mesh(specimen: Specimen, geometry: MeshFile) -> Mesh:
     )
     names = tuple(part.name for part in specimen.parts)
     mesh = Mesh(points, blocks, names, node_sets={"clamp": _clamp(specimen, geometry, content, points, path)})
+    # Before the boundary is sought: an inverted element has its faces inside out.
     for block in blocks:
         check_elements(mesh, block, f"{path}: geometry.path")
     mesh = replace(mesh, surfaces=_surfaces(specimen, geometry, content, mesh, path))
@@ -170,6 +172,7 @@ def _nearest_surface(
     chamber: Chamber, points: Floats, boundary: Indices, inner: list[Indices], where: str
 ) -> Indices:
     """Pick the inner surface between a chamber's heights whose azimuth is nearest."""
+    # More than 30 degrees off it is another chamber's wall.
     best, angle = None, np.pi / 6.0
     for rows in inner:
         centre = points[boundary[rows]].reshape(-1, 3).mean(axis=0)

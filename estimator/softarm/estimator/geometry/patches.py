@@ -136,5 +136,6 @@ def _without_centres(quads: Indices, cavity: Indices, merge: Indices, nodes: int
     """Drop the centres of the quadrilaterals, which eight-node ones do not have."""
     used = np.zeros(nodes + 1, dtype=bool)
     used[quads] = True
+    # All centres share one last number, which `place` writes to and no quadrilateral reads.
     number = np.where(used, np.cumsum(used) - 1, used.sum())
     return PatchLayout(number[quads], cavity, number[merge], int(used.sum()) + 1)

@@ -171,6 +171,7 @@ def _solve(
     by_pressures = jacobian[:, :chambers] * limits
     matrix = np.concatenate([whiten @ by_pressures, RELUCTANCE * np.eye(chambers)])
     right = np.concatenate([whiten @ wanted, np.zeros(chambers)])
+    # BVLS wants room between the bounds, also where a chamber has none.
     low = np.minimum(-applied, 0.0) / limits - 1e-9
     high = np.maximum(limits - applied, 0.0) / limits + 1e-9
     share = lsq_linear(matrix, right, (low, high), method="bvls").x

@@ -67,6 +67,7 @@ class ArmEstimate(Minimum[State]):
         chambers = self.unknowns.chambers
         ratios = np.multiply.outer(self.force_ratios, self.force_ratios)
         covariance: Floats = ratios * self.covariance[chambers:, chambers:]
+        # On the diagonal alone: these errors are taken as independent.
         covariance.reshape(-1)[:: len(covariance) + 1] += (self.relative_errors * self.inputs.loads) ** 2
         return covariance
 

@@ -168,6 +168,7 @@ class _Search(Generic[State, Step]):
                 if iterations >= self.tolerances.iterations or retreats >= self.tolerances.retreats:
                     return self._end(point, 0.0 * change, "diverged", iterations, gravity)
                 retreats += 1
+                # A quarter of the step that failed: the region may be far larger than that.
                 radius, last = 0.25 * min(radius, size), np.inf
                 if self.tolerances.settles:
                     candidate = self._settled(point, radius, gravity)
@@ -195,6 +196,7 @@ class _Search(Generic[State, Step]):
         """Accept what is finite, not far out of balance, and does not raise the cost noticeably."""
         if not (np.isfinite(candidate.cost) and np.isfinite(candidate.residual_norm)):
             return False
+        # Out of balance by more than all that acts, a linearisation says nothing of the equilibrium.
         if candidate.residual_norm > max(1.0, 2.0 * point.residual_norm):
             return False
         # Out of equilibrium the cost is a forecast, so only a clear rise counts.

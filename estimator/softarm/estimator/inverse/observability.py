@@ -83,6 +83,7 @@ def analyse(unknowns: Unknowns, free: Flags, jacobian: Floats, information: Floa
         _, singular, basis = np.linalg.svd(scaled, full_matrices=True)
         values[: len(singular)] = singular
         directions[members] = basis.T
+        # Where even the best direction is seen poorly, directions are compared with the inputs' typical size.
         rank = int((singular > UNSEEN * max(singular[0], 1.0)).sum())
         rows = len(scaled)
     return Observability(unknowns, free, rank, rows, values, directions)

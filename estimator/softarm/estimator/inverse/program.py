@@ -119,6 +119,7 @@ def _unbounded(hessian: Floats, gradient: Floats, lower: Floats, upper: Floats, 
     """Fill the optimum over what is not held; return whether it lies within the bounds."""
     free = np.flatnonzero(lower != upper)
     inner, factor, right = np.empty((len(free), len(free))), np.empty((len(free), len(free))), gradient[free]
+    # Held inputs keep their value, and what it causes goes to the right-hand side.
     value[:] = lower
     for r in range(len(free)):
         for c in range(len(value)):

@@ -91,6 +91,7 @@ def to_bytes(fitted: FittedRod, key: str, name: str) -> bytes:
     np.savez_compressed(
         buffer,
         header=np.array(json.dumps(header)),
+        # Rods are shipped with the package: indices fit a byte, and the padding of the outputs is left out.
         table=rod.laws.table.astype(np.int8),
         coefficients=rod.laws.coefficients[..., :STRAINS],
         scale=rod.laws.scale,
@@ -109,6 +110,7 @@ def from_bytes(data: bytes) -> tuple[FittedRod, str] | None:
         if header["format"] != FORMAT:
             return None
         return _assemble(header, arrays), str(header["key"])
+    # A file in a cache may be cut off or of another version; the rod is then fitted anew.
     except (ValueError, KeyError, TypeError, OSError, EOFError, zipfile.BadZipFile):
         return None
 

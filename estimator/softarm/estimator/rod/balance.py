@@ -90,7 +90,9 @@ def settle(
         size = 0.0
         for i in range(links):
             for k in range(6):
+                # Radians, and translations over the link's length: strains of the same order.
                 size = max(size, abs(residual[6 * i + k]) / (1.0 if k < 3 else max(length[i], 1e-3)))
+        # NaN, or so far off that no step leads back.
         if not size < 1e3:
             return -count, size
         if size < tolerance:
@@ -180,6 +182,7 @@ def station_twists(motions: Floats, change: Floats, links: Indices, places: Floa
     for j in range(len(motions)):
         for c in range(6):
             for k in range(6):
+                # Many vanish: a translation of a link turns nothing.
                 if motions[j, c, k] != 0.0:
                     for column in range(columns):
                         rigid[k, column] += motions[j, c, k] * change[6 * j + c, column]
@@ -247,6 +250,7 @@ def respond(
     links = len(length)
     residual, every = np.empty(6 * links), change.shape[1]
     count, size = settle(length, actions, laws, drive, work, residual, tolerance, iterations)
+    # One row more than inputs: the last Newton step is solved along with the derivatives.
     right = np.zeros((every + 1, 6 * links))
     for row in range(6 * links):
         right[every, row] = residual[row]

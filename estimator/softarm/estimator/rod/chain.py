@@ -76,6 +76,7 @@ class Chain:
         if load.height is None:
             raise InputError(where, "neither a section nor a height", "name one")
         low, high = float(self.heights[0]), float(self.heights[-1])
+        # The last station lies inside the last rigid section, all of which may be pushed.
         reach = high + max(0.0, *(float(offset[2]) for offset in self.section_offset))
         if not low <= load.height <= reach + 1e-9:
             what = f"height {load.height:g} m is outside the arm ({low:g} to {reach:g} m)"
@@ -89,6 +90,7 @@ class Chain:
     def actions(self, loads: Sequence[Load]) -> Actions:
         """Compute the places of the links' weights, then of the loads."""
         placed = [self.place(load) for load in loads]
+        # A load on the clamp gets share 0 of link 0, with which it counts in no wrench.
         link = np.array([*range(self.links), *(max(place[0], 0) for place in placed)], dtype=np.int64)
         share = np.array([*self.mass_centre, *(0.0 if place[0] < 0 else place[1] for place in placed)])
         offset = np.array([*np.zeros((self.links, 3)), *(place[2] for place in placed)])

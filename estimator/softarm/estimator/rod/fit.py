@@ -38,6 +38,7 @@ class Recipe:
     """
 
     plan: SamplingPlan = field(default_factory=lambda: SamplingPlan(rays=96, stretch=1.7))
+    # Inside the box of the fit: a polynomial is not judged at the border of its samples.
     check: SamplingPlan = field(
         default_factory=lambda: SamplingPlan(
             rays=16, seed=101, pressure=1.0, soft=1.25, bend=np.radians(100.0)
@@ -91,6 +92,7 @@ def fit_rod(
     """
     recipe = recipe or Recipe()
     plan, total = recipe.plan, recipe.plan.rays + 2 * recipe.check.rays
+    # At unit stiffness, which `adapted` scales by what calibration found.
     model = model.with_loads(sampling_loads(specimen)).with_scales(dict.fromkeys(model.parameters, 1.0))
     stations = cut(specimen, model, recipe.links_per_segment)
 

@@ -197,6 +197,7 @@ def find_forces(
         slopes = step.motion.reshape(-1, 2, 3, step.motion.shape[-1])[:, 1].reshape(len(residual), -1)
         unit = scale[columns]
         change = np.linalg.lstsq(slopes[:, rod.chambers + np.array(columns)] * unit, residual, rcond=1e-9)[0]
+        # No load changes by more than its typical size in one step.
         change *= min(1.0, 1.0 / max(float(np.abs(change).max()), 1e-12))
         loads[columns] += change * unit
         if np.abs(change).max() < 1e-7:

@@ -54,7 +54,9 @@ def term_table(
         factor, every = wrench + pressures + 1, [*forces, *pushes]
         terms |= {(*c, factor) for k in (1, 2) for c in combinations_with_replacement(every, k)}
         terms |= {(c, factor, factor) for c in every}
+    # Filled up in front: the last factor of a term is never the constant, on which `law_slopes` relies.
     rows = [(*(0,) * (DEGREE - len(term)), *term) for term in terms]
+    # Sorted, since a set has no order and a rod should be fitted alike every time.
     return np.array(sorted(rows, key=lambda row: (sum(v > 0 for v in row), row)), dtype=np.int64)
 
 

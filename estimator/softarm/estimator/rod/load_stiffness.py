@@ -46,6 +46,7 @@ def exact_moves(
     moments = [(fit.weights[1:] @ moves).reshape(len(moves), 9) for fit, _ in acting]
     by_move = np.concatenate(moments, axis=1)
     feedback = by_move[len(nodal) :].T
+    # At an eigenvalue of 1 K - L is singular: the loads buckle the arm.
     if np.linalg.eigvals(feedback).real.max() >= 1.0:
         return None
     change = np.linalg.solve(np.eye(len(feedback)) - feedback, by_move[: len(nodal)].T)

@@ -77,6 +77,7 @@ def local_states(chain: Chain, loads: Sequence[Load], samples: Samples) -> Local
     wrench_slopes = np.empty((*strains.shape, inputs))
     for column in range(inputs):
         twists = samples.twists[..., column]
+        # Pascals and newtons alike move the frames by the same small amount.
         size = MOVE / np.maximum(np.abs(twists).max(axis=(1, 2)), 1e-12)
         ends = []
         for sign in (1.0, -1.0):

@@ -230,6 +230,7 @@ class CalibratedRod:
         for k in range(1, steps + 1):
             part = k / steps
             here = Inputs(part * inputs.pressures, part * inputs.loads, part * inputs.gravity)
+            # `advance` knows no gravity; the solve at the new inputs brings in its share.
             step = self.linearise(self.advance(step, vector / steps), here)
             if step.residual_norm > 0.0:
                 return step.strain, False
@@ -294,9 +295,11 @@ class CalibratedRod:
         """
         shapes = np.zeros((self.chain.links, 6, len(self.regions), 4))
         for kind, (wrench, strain) in enumerate(SHARES):
+            # The law's linear term in this component: the link's compliance.
             row = np.flatnonzero((self.laws.table == (0, 0, 0, 1 + wrench)).all(axis=1))[0]
             compliance = np.abs(self.laws.coefficients[:, row, strain]) / self.laws.scale[:, wrench]
             columns = compliance[:, None] * self._membership
+            # Shares of a region's links sum to one, so that a unit eigenstrain bends the whole region by one.
             shapes[:, strain, :, kind] = columns / np.maximum(columns.sum(axis=0), 1e-300)
         return shapes.reshape(6 * self.chain.links, -1)
 

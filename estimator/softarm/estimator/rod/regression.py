@@ -118,6 +118,7 @@ def _variables(
 def _isotropic(largest: Floats, chambers: int) -> Floats:
     """Set the units: one for variables that symmetries mix, and 1 for those that are always zero."""
     unit = np.ones_like(largest)
+    # Lateral forces, axial force, bending moments, torque, pressures.
     for group in (slice(0, 2), slice(2, 3), slice(3, 5), slice(5, 6), slice(6, 6 + chambers)):
         if largest[group].size:
             unit[group] = max(float(largest[group].max()), 1e-9)
@@ -172,6 +173,7 @@ def _fit_link(
         # A strain is (rotation, translation), a wrench (force, moment): their maps are swapped. Scaling
         # leaves both blocks as they are, since x and y share a unit.
         outputs[:3, :3], outputs[3:, 3:] = moved[3:6, 3:6], moved[:3, :3]
+        # A symmetry maps features linearly: the normal equations are moved in place of every sample.
         total += matrix @ normal @ matrix.T
         total_right += matrix @ right @ outputs.T
     total[np.diag_indices(len(total))] += form.ridge * np.trace(total) / len(total)

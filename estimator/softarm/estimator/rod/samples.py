@@ -162,6 +162,7 @@ def _turning_loads(twists: Floats, model: FiniteElementModel, rotation: float) -
     turning = np.linalg.norm(twists[:, 3:, model.chambers :], axis=1).max(axis=0)
     for k, load in enumerate(model.loads):
         if load.kind == "force" and load.direction[2] == 1.0:
+            # An axial force hardly turns anything; the load before it is the lateral one along y.
             turning[k] = turning[k - 1]
     size: Floats = rotation / turning
     return size
@@ -186,6 +187,7 @@ def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Sa
     from scipy.stats import qmc  # a second to import, for every program that only reads a rod
 
     sequence = qmc.Sobol(chambers + loads + segments + 2, rng=plan.seed)
+    # Sobol points are balanced in powers of two only.
     rows = sequence.random_base2(int(np.ceil(np.log2(plan.rays))))[: plan.rays]
     limits, kinds = np.array(specimen.pressure_limits), len(plan.kinds)
     owner = [[part.name for part in specimen.segments].index(c.segment) for c in specimen.chambers]
@@ -195,6 +197,8 @@ def _rays(specimen: Specimen, model: FiniteElementModel, scale: Floats, plan: Sa
         rise, azimuth = 2.0 * rise - 1.0, 2.0 * np.pi * azimuth
         flat = np.sqrt(1.0 - rise**2)
         anyhow = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), rise])
+        # Pressures and loads grow with the stiffness, so that soft and stiff arms bend alike. Gravity changes
+        # after two cycles through the kinds of loads, so that each kind meets both.
         end = Inputs(
             plan.pressure * limits * factors[owner] * pushes,
             scale * np.exp(np.log(factors).mean()) * _share(model.loads, index, plan) * (2.0 * pulls - 1.0),

@@ -112,9 +112,11 @@ def add_part(beta: Floats, middle: Floats, force: Floats, couple: Floats, wrench
     f, c = np.empty(3), np.empty(3)
     rotate_back(middle, force, f)
     rotate_back(middle, couple, c)
+    # A moment that changes along the link is a shear: dM_y/dz = -F_x, dM_x/dz = F_y.
     wrench[0] += beta[0] * f[0] + beta[4] * c[1]
     wrench[1] += beta[0] * f[1] - beta[4] * c[0]
     wrench[2] += beta[1] * f[2]
+    # Of a force at a height: e_z x f = (-f_y, f_x, 0).
     wrench[3] += beta[3] * c[0] - beta[2] * f[1]
     wrench[4] += beta[3] * c[1] + beta[2] * f[0]
     wrench[5] += beta[3] * c[2]
@@ -153,6 +155,7 @@ def wrenches(
             i -= 1
         if i >= 0:
             _add_beyond(points[a], drive.force[a], drive.couple[a], beyond[i])
+    # Tip to base: what acts beyond the next link acts beyond this one as well.
     for i in range(links - 2, -1, -1):
         for k in range(15):
             beyond[i, k] += beyond[i + 1, k]

@@ -63,6 +63,8 @@ def cut(specimen: Specimen, model: FiniteElementModel, links_per_segment: int = 
     for section in moving:
         height = 0.5 * (section.from_m + section.to_m)
         origin = np.array([0.0, 0.0, height])
+        # The section's own nodes seen from the axis; where its frame lies in it is the specimen's
+        # (`adapted`).
         places[height] = replace(model.frames[section.name], origin=origin, rotation=np.eye(3))
     for segment in specimen.segments:
         low, high = max(segment.from_m, clamp), segment.to_m
@@ -127,6 +129,7 @@ def _chambers(specimen: Specimen, heights: Floats) -> Indices:
     rows = []
     for low, high in pairwise(heights.tolist()):
         gaps = {c.index: max(c.from_m - high, low - c.to_m) for c in specimen.chambers}
+        # A negative gap is an overlap, of which any counts like a touch.
         least = max(min(gaps.values(), default=0.0), -NEAR)
         rows.append(sorted(index for index, distance in gaps.items() if distance <= least + NEAR))
     width = max((len(row) for row in rows), default=0)
@@ -147,6 +150,7 @@ def _masses(specimen: Specimen, mesh: Mesh, heights: Floats) -> tuple[Floats, Fl
     weight = mass / np.where(total > 0, total, 1.0)[link]
     parts = np.column_stack([share, point_weights(share, lengths[link])]) * weight[:, None]
     means = np.array([parts[link == i].sum(axis=0) for i in range(links)])
+    # A share of 1 would put the whole weight on the far station; see `Actions`.
     return total, np.minimum(means[:, 0], 1.0 - 1e-9), np.ascontiguousarray(means[:, 1:])
 
 

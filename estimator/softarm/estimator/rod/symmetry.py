@@ -35,11 +35,13 @@ def candidates(specimen: Specimen) -> tuple[Symmetry, ...]:
     start = specimen.chambers[0].azimuth_rad if specimen.chambers else 0.0
     mirror = _turn(start) @ np.diag([1.0, -1.0, 1.0]) @ _turn(-start)
     symmetries = []
+    # Twelfths of a turn hold the symmetries of 2, 3, 4 and 6 chambers.
     for fold, mirrored in product(range(12), (False, True)):
         vectors = _turn(np.pi * fold / 6) @ (mirror if mirrored else np.eye(3))
         moved = [_image(chamber, specimen.chambers, vectors) for chamber in specimen.chambers]
         if None not in moved:
             chambers = np.array(moved, dtype=np.int64).reshape(-1)
+            # Moments and rotations are axial: a mirror reverses them beside mirroring.
             symmetries.append(Symmetry(vectors, vectors * np.linalg.det(vectors), chambers))
     return tuple(symmetries)
 
@@ -110,6 +112,7 @@ def feature_map(table: Indices, variables: Floats) -> Floats:
         table: Variables of each term, shape (terms, 4).
         variables: A, shape (variables, variables).
     """
+    # Twice as many points as terms, so that their matrix is well conditioned.
     count = 2 * len(table)
     points = np.random.default_rng(0).uniform(-1.0, 1.0, (count, len(variables)))
     here, there = features(table, points), features(table, points @ variables.T)

@@ -108,6 +108,7 @@ def rigid_moment(motion: Floats, beyond: Floats, moment: Floats) -> None:
         moment: Filled, shape (3,).
     """
     cross(motion[3:6], beyond[0:3], moment)
+    # (w x x) x F = (x F^T) w - (x . F) w.
     trace = beyond[6] + beyond[10] + beyond[14]
     for k in range(3):
         moment[k] -= trace * motion[k]
@@ -143,6 +144,7 @@ def wrench_jacobian(
     change = np.empty(3)
     rotated = np.empty((links, 6, 3))
     jacobian.fill(0.0)
+    # Link 0 is turned by no other link.
     for i in range(1, links):
         _rotated_whole(positions, middles, beyond, i, rotated[i])
         for r in range(6):

@@ -151,6 +151,7 @@ def bend_jacobian(direction: Floats) -> Floats:
     jacobian[..., :2] = slope[..., None, None] * across[..., :, None] * across[..., None, :]
     jacobian[..., 0, 0] += ratio
     jacobian[..., 1, 1] += ratio
+    # On the unit sphere d theta / d d_z = -sin(theta).
     jacobian[..., 2] = -across
     return jacobian
 
@@ -159,6 +160,7 @@ def _ratio(direction: Floats) -> tuple[Floats, Floats]:
     """Return theta / sin(theta) and (sin cos - theta) / sin^3, by series near zero."""
     sine = np.hypot(direction[..., 0], direction[..., 1])
     angle = np.arctan2(sine, direction[..., 2])
+    # Near zero alone: at half a turn the ratio grows without bound indeed.
     small = (sine < 1e-3) & (direction[..., 2] > 0)
     safe = np.where(small, 1.0, sine)
     ratio = np.where(small, 1.0 + sine**2 / 6.0, angle / safe)

@@ -95,6 +95,7 @@ class Orientation:
     @cached_property
     def _noise(self) -> Floats:
         noise = np.diag(np.broadcast_to(self.sigma, 3) ** 2)
+        # Handed out to every caller, none of which may change it.
         noise.setflags(write=False)
         return noise
 

@@ -118,6 +118,7 @@ class SensorSuite:
 
     def sensitivity(self, frames: Frames, readings: Floats) -> Sensitivity:
         """Compare stacked readings with the frames; rows of absent sensors have a NaN innovation."""
+        # What a live estimator does many times per instant: one compiled call in place of one per sensor.
         if self._orientations is not None and readings.ndim == 1 and frames.rotations.ndim == 3:
             innovation, twists = np.empty(self.size), np.zeros((self.size, 6 * len(frames.rotations)))
             orientations_kernel(frames.rotations, *self._orientations, readings, innovation, twists)
@@ -177,6 +178,7 @@ class SensorSuite:
         covariance = self.own_noise(readings) if own_noise is None else own_noise
         if self._registrations:
             covariance = self.covariance(frames, readings, np.nan_to_num(whole.twists))
+        # One sum in place of a mask: at most instants every sensor is present.
         if math.isfinite(whole.innovation.sum()):
             return Observation(whole.innovation, whole.twists, covariance, self._every_row)
         rows = np.flatnonzero(np.isfinite(whole.innovation))
@@ -257,6 +259,7 @@ class SensorSuite:
     @cached_property
     def _registrations(self) -> list[tuple[Floats, tuple[str, ...]]]:
         """Covariance of each uncertain registration with the sensors that use it."""
+        # By identity: sensors share the error of a registration that they share.
         uncertain = {
             id(measurement.registration): measurement.registration
             for measurement in self.measurements

@@ -70,7 +70,9 @@ def save_specimen(specimen: Specimen, path: str | Path) -> None:
         with os.fdopen(descriptor, "w", encoding="utf-8") as file:
             file.write(text)
             file.flush()
+            # On the disk before it replaces the old file, so that a power cut leaves one of the two whole.
             os.fsync(file.fileno())
+        # mkstemp lets only the owner read.
         Path(partial).chmod(0o644)
         Path(partial).replace(target)
     except OSError as error:

@@ -156,6 +156,7 @@ def _heights(measures: ArmMeasures) -> list[float]:
     heights = [0.0, measures.base_m]
     for part in measures.segments:
         heights += [heights[-1] + part.length_m, heights[-1] + part.length_m + part.section_m]
+    # Sums of decimals would write their rounding into the file.
     return [round(height, 9) for height in heights]
 
 

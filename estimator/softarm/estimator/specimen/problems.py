@@ -88,6 +88,7 @@ def _problems(entry: dict[str, Any], model: type[BaseModel]) -> Iterator[Inconsi
 
 def _choice(path: str, kind: str, context: dict[str, Any], value: Any) -> Iterator[Inconsistency]:
     if kind == "union_tag_invalid":
+        # pydantic puts the name in single quotes.
         path = f"{path}.{str(context['discriminator']).strip(chr(39))}"
         given, expected = str(context["tag"]), str(context["expected_tags"])
     else:

@@ -71,6 +71,7 @@ class StretchedBatch(BatchModelWrapper):
         positions = inner.frames.positions + twists[..., :3]
         frames = Frames(positions, exp(twists[..., 3:]) @ inner.frames.rotations)
         input_jacobian = following @ inner.input_jacobian
+        # By pressures on unstretched chambers, in place of the effective ones.
         input_jacobian[..., : self.chambers] *= (1.0 + self.law.gain * self.law.stretches(frames))[:, None, :]
         wanted = {
             name: following @ jacobian

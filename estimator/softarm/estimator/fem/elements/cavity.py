@@ -82,6 +82,7 @@ def build_cavities(mesh: Mesh, chambers: tuple[str, ...]) -> tuple[Cavities, ...
         triples, coefficients = volume_form(kind)
         count = facets.shape[1]
         slots = np.empty((0, count, count), dtype=np.int32)
+        # Normals point into the chamber, so that the form gives its volume with the wrong sign.
         groups.append(Cavities(np.array(facets), chamber, triples, -coefficients, centres, slots))
     return tuple(groups)
 
@@ -93,6 +94,7 @@ def _check_closed(mesh: Mesh, name: str) -> None:
     count = 3 if surface.kind.startswith("tri") else 4
     corners = surface.facets[:, :count]
     directed = np.column_stack([corners.ravel(), np.roll(corners, -1, axis=1).ravel()])
+    # On a closed surface of one orientation every edge is run once each way.
     edges, times = np.unique(directed, axis=0, return_counts=True)
     reverse = np.unique(directed[:, ::-1], axis=0)
     if (times > 1).any() or not np.array_equal(edges, reverse):
@@ -132,6 +134,7 @@ def cavity_volumes(  # noqa: C901 (one loop nest, compiled)
             axial[:] = 0.0
         for t in range(triples.shape[0]):
             c = coefficients[t]
+            # det is cyclic: each node of the triple takes the first place once.
             for turn in range(3):
                 a, b, d = triples[t, turn], triples[t, (turn + 1) % 3], triples[t, (turn + 2) % 3]
                 slope[a, 0] += c * (x[b, 1] * x[d, 2] - x[b, 2] * x[d, 1])
@@ -151,6 +154,8 @@ def cavity_volumes(  # noqa: C901 (one loop nest, compiled)
         for a in range(count):
             for b in range(count):
                 slot = slots[f, a, b]
+                # A node has no block with itself, since det holds each node once; only the lower triangle is
+                # stored.
                 if slot >= 0 and a != b:
                     v0, v1, v2 = (
                         pressure * axial[a, b, 0],

@@ -78,9 +78,11 @@ def build_membrane(mesh: Mesh, membrane: Membrane, parameter: int) -> Bars:
     normal /= area[..., None]
     around = np.cross([0.0, 0.0, 1.0], normal)
     sine = np.linalg.norm(around, axis=2)
+    # A unit vector wherever a fibre stays; on end caps, which are dropped below, only finite.
     around /= np.maximum(sine, END_CAP)[..., None]
     metric = np.einsum("fqik,fqil->fqkl", tangents, tangents)
     covariant = np.einsum("fqik,fqi->fqk", tangents, around)
+    # The fibre's direction in the facet's own coordinates, in which the shape functions are differentiated.
     parent = np.linalg.solve(metric, covariant[..., None])[..., 0]
     gradients = np.einsum("qnk,fqk->fqn", slopes, parent)
     keep = (sine > END_CAP).ravel()

@@ -145,6 +145,7 @@ class Solids:
 def _isochoric(excess: Floats, coefficients: Floats) -> tuple[Floats, Floats]:
     """Compute psi and psi' at I - 3 = ``excess``, both of shape (elements, points)."""
     code, half, _, a, b = (coefficients[:, k, None] for k in range(5))
+    # Every law is evaluated everywhere and one chosen below; the others may give infinity there.
     with np.errstate(divide="ignore", invalid="ignore"):
         energies = [
             half * excess,
@@ -199,16 +200,20 @@ def _hourglass(corners: Floats, weights: Floats, shear: Floats) -> Floats:
     """Project nodal values on what no quadratic explains, scaled, shape (elements, nodes, nodes)."""
     nodes = corners.shape[1]
     edge = np.cbrt(weights.sum(axis=1))
+    # Over the element's size, or rounding would hide the quadratic terms.
     x, y, z = np.moveaxis((corners - corners.mean(axis=1, keepdims=True)) / edge[:, None, None], 2, 0)
     terms = [np.ones_like(x), x, y, z, x * x, y * y, z * z, x * y, y * z, z * x]
+    # Ten quadratic terms explain ten nodes: there is no hourglass mode to hold.
     if nodes <= len(terms):
         return np.zeros((len(corners), nodes, nodes))
+    # With orthonormal columns Q of the quadratics, 1 - Q Q^T is zero for all motions that they explain.
     basis = np.linalg.qr(np.stack(terms, axis=2))[0]
     return np.asarray((shear * edge)[:, None, None] * (np.eye(nodes) - basis @ basis.transpose(0, 2, 1)))
 
 
 def _split_bulk(table: Floats, limit: float) -> Floats:
     """Divide the bulk modulus between the element's mean and its points, shape (elements, 5) to (., 6)."""
+    # A material whose bulk modulus is below the limit does not lock: it is held at the points alone.
     local = np.minimum(table[:, 2], limit * 2.0 * table[:, 1])
     split = np.column_stack([table, local])
     split[:, 2] -= local
@@ -225,8 +230,10 @@ def _batches(
 ) -> Batches:
     """Group elements by lanes; the last one fills up what is left over, with nodes -1 - n."""
     count = len(connectivity)
+    # The last group is filled up with copies of the last element, which compute and add nothing.
     element = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1)
     padding = np.arange(len(element)) >= count
+    # -1 - n still tells the node to read from, and by its sign that nothing is added there.
     nodes = np.where(padding[:, None], -1 - connectivity[element], connectivity[element])
 
     def grouped(values: Floats) -> Floats:

@@ -165,6 +165,7 @@ def _scatter(block: Floats, slots: Slots, values: Floats) -> None:
                 for k in range(3):
                     values[slot, i, k] += block[3 * i + k, lane]
                 values[slot, i, i] += unit
+        # The pair is stored the other way round, as its transpose.
         elif slot < -1:
             for i in range(3):
                 for k in range(3):
@@ -204,11 +205,13 @@ def evaluate_law(
         half, bulk = scales[lane] * table[lane, 1], scales[lane] * table[lane, 2]
         local = scales[lane] * table[lane, 5]
         pressure = 0.5 * bulk * (mean - 1.0 / mean)
+        # Its root goes into either factor of b_a b_b^T, which is then one product of like vectors.
         stiffening[lane] = np.sqrt(0.5 * bulk * (1.0 + 1.0 / (mean * mean)) / volume)
         for p in range(weights.shape[0]):
             weight, square = weights[p, lane], squares[p, lane]
             shrink = ratios[p, lane] ** (-2.0 / 3.0)
             first, second = isochoric_slopes(code, half, a, b, shrink * square - 3.0)
+            # Gent's law is stretched beyond its limit.
             if not np.isfinite(first):
                 return False
             base, curving = weight * first * shrink, weight * second * shrink * shrink
@@ -368,6 +371,7 @@ def solid_forces(  # noqa: C901 (one loop nest, compiled)
         _fill_mean_slopes(right, slope, stiffening, mean_slope)
         for n in range(nodes):
             first, x_n = mean_slope[n].ctypes.data, left[n].ctypes.data
+            # Half of the pairs; the slots say which of the two ways round is stored.
             for m in range(n, nodes):
                 held = multiply(load(scale.ctypes.data), load(hourglass[e, n, m].ctypes.data))
                 store(stiffness.ctypes.data, held)

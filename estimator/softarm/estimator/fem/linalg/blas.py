@@ -43,6 +43,7 @@ def load_blas() -> Blas:
         get_cython_function_address(f"scipy.linalg.cython_{module}", name)
         for module, name in zip(modules, names, strict=True)
     ]
+    # Fortran takes options by address, too: L as in lower, N, T, R, and L as in left.
     return Blas(np.array(addresses, dtype=np.int64), np.frombuffer(b"LNTRL", dtype=np.uint8).copy())
 
 
@@ -57,6 +58,7 @@ def _call_address(context: Any, address: Any, arguments: Any) -> Any:  # noqa: A
         kind = ir.FunctionType(ir.VoidType(), [pointer] * count)
         function = builder.inttoptr(values[0], kind.as_pointer())
         builder.call(function, [builder.inttoptr(number, pointer) for number in numbers])
+        # What numba takes for None.
         return ir.Constant(ir.IntType(8).as_pointer(), None)
 
     return signature, generate
@@ -69,6 +71,7 @@ call_address = cast("Callable[[int, tuple[int, ...]], None]", intrinsic(_call_ad
 def potrf(blas: Addresses, letters: Letters, n: int, a: int, lda: int, ints: NDArray[np.int32]) -> int:
     """Factor the lower triangle of a column-major matrix at address ``a``; return LAPACK's info."""
     ints[0], ints[1], ints[2] = n, lda, 0
+    # Fortran's integers have four bytes; one behind the other they are the arguments' addresses.
     i = ints.ctypes.data
     call_address(blas[0], (letters.ctypes.data, i, a, i + 4, i + 8))
     return int(ints[2])
@@ -197,6 +200,7 @@ def solve_rows(
         right: One b per row, overwritten by the x, shape (columns, n). Not finite where A is singular.
         ints: Memory, shape (3 + n,).
     """
+    # n, the number of right-hand sides, LAPACK's info, then the pivots.
     ints[0], ints[1] = matrix.shape[0], right.shape[0]
     i, a, b = ints.ctypes.data, matrix.ctypes.data, right.ctypes.data
     call_address(blas[6], (i, i, a, i, i + 12, i + 8))

@@ -126,6 +126,7 @@ class StiffnessFactor:
         for _ in range(REFINEMENTS):
             residual = right - self._multiply(self.exact, solution, transposed=transposed)
             norm = float(np.linalg.norm(residual))
+            # Near enough, or the unsymmetric part is so large that the iteration does not contract.
             if not REFINEMENT * size < norm < 0.9 * last:
                 break
             solution, last = solution + self.symmetric.solve(residual), norm

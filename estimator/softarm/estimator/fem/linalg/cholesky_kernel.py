@@ -6,6 +6,7 @@ from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.linalg.blas import Addresses, Letters, gemm, gemv, potrf, syrk, trsm, trsv
 
+# Places of the options in `Blas.letters`.
 NO, TRANSPOSED, RIGHT, LEFT = 1, 2, 3, 4
 
 
@@ -41,11 +42,14 @@ def _extend(
             source = (size * j + k) * size * count
             if column < pivots:
                 target = (size * column + k) * height
+                # Only the lower triangle of an update matrix is computed and read.
                 for i in range(j, count):
                     at, to = source + size * i, target + size * relative[i]
                     for d in range(size):
                         panel[to + d] += child[at + d]
             else:
+                # `relative` counts rows from the parent's first pivot; its update matrix begins behind the
+                # pivots.
                 target = (size * (column - pivots) + k) * border - size * pivots
                 for i in range(j, count):
                     at, to = source + size * i, target + size * relative[i]
@@ -95,6 +99,7 @@ def factor_fronts(
             _extend(size, panel, height, pivots[s], update, border, child, places)
         top = panel.ctypes.data
         below = top + 8 * width
+        # LAPACK stops at the first pivot that is not positive: the arm is unstable there.
         if potrf(blas, letters, width, top, height, ints) != 0:
             return False
         if border > 0:
@@ -128,6 +133,7 @@ def solve_fronts(  # noqa: C901 (one loop nest, compiled)
     fronts = pivots.shape[0]
     for sweep in range(2):
         for turn in range(fronts):
+            # Forwards children come before their parent, backwards after it.
             s = turn if sweep == 0 else fronts - 1 - turn
             width, border = size * pivots[s], size * borders[s]
             height = width + border
@@ -141,6 +147,7 @@ def solve_fronts(  # noqa: C901 (one loop nest, compiled)
             top = local.ctypes.data
             bottom = top + 8 * width
             if sweep == 0:
+                # For one right-hand side the routines for vectors have the smaller overhead.
                 if count == 1:
                     trsv(blas, letters, NO, width, panel, height, top, ints)
                     if border > 0:
@@ -166,6 +173,7 @@ def solve_fronts(  # noqa: C901 (one loop nest, compiled)
                     )  # fmt: skip
                 trsm(blas, letters, LEFT, TRANSPOSED, width, count, panel, height, top, height, ints, reals)
             for r in range(count):
+                # Backwards a front solves for its pivots alone; its border was solved further up the tree.
                 for n in range(nodes.shape[0] if sweep == 0 else pivots[s]):
                     for i in range(size):
                         right[r, size * nodes[n] + i] = local[r * height + size * n + i]

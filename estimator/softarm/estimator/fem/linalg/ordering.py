@@ -8,7 +8,9 @@ from scipy import sparse
 
 from softarm.estimator.arrays import Floats, Indices
 
+# Nodes that are eliminated together as one dense front.
 LEAF = 12
+# Quantiles of the nodes along an axis at which a cut is tried.
 CUTS = np.linspace(0.15, 0.85, 29)
 
 
@@ -82,12 +84,15 @@ def _bisect(
         for cut in np.unique(np.quantile(values, CUTS)):
             below = values < cut
             for side, other in ((below, ~below), (~below, below)):
+                # The nodes of one side that touch the other; without them the two parts share no entry.
                 separator = side & (graph @ other.astype(np.int32) > 0)
                 first, second = side & ~separator, other
                 smaller = min(first.sum(), second.sum())
                 if smaller == 0:
                     continue
                 balance = max(first.sum(), second.sum()) / size
+                # A small separator counts first; a cut that leaves more than half on one side is charged for
+                # it.
                 score = separator.sum() * (1.0 + 4.0 * max(balance - 0.5, 0.0) ** 2 * 4.0)
                 if score < best:
                     best, chosen = score, (first, second, separator)

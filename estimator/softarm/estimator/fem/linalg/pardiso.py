@@ -144,6 +144,7 @@ class PardisoPlan:
     def factorise(self, values: Floats) -> "PardisoFactor | None":
         """Factor a matrix of blocks, shape (slots, 3, 3); None where it is not positive definite."""
         try:
+            # Pop and append of a deque are atomic: a factor may be collected in any thread.
             handle = self.idle.pop()
         except IndexError:
             handle = Handle(self.routine, self.rows)
@@ -172,4 +173,5 @@ class PardisoFactor:
         return self._handle.solve(self._entries, stacked).reshape(np.shape(right))
 
     def __del__(self) -> None:
+        # Kept, not released: the next factor of this pattern finds its symbolic analysis done.
         self._idle.append(self._handle)

@@ -63,6 +63,7 @@ class Pattern:
         first, second = np.broadcast_arrays(place[:, :, None], place[:, None, :])
         low, high = np.minimum(first, second), np.maximum(first, second)
         keys = self.column * self.free + self.row
+        # Slots ascend by column, then row, so that one number finds each; held nodes are masked afterwards.
         index = np.searchsorted(keys, np.maximum(low, 0) * self.free + np.maximum(high, 0))
         slots = np.where(first >= second, index, -2 - index)
         return np.where(low < 0, FIXED, slots).astype(np.int32)
@@ -119,6 +120,7 @@ def build_pattern(nodes: int, order: Indices, groups: Sequence[Indices]) -> Patt
     """
     place = np.full(nodes, FIXED, dtype=np.int64)
     place[order] = np.arange(len(order))
+    # The diagonal, with which every column begins.
     keys = [np.arange(len(order)) * (len(order) + 1)]
     for group in groups:
         first, second = np.broadcast_arrays(place[group][:, :, None], place[group][:, None, :])

@@ -51,6 +51,7 @@ def load_of(lanes: SimdType) -> Any:
 
     def read(context: Any, address: Any) -> Any:  # noqa: ARG001
         def generate(_: Any, builder: Any, __: Any, values: Any) -> Any:
+            # Without an alignment of its own LLVM assumes that of the whole vector, and the program crashes.
             return builder.load(builder.inttoptr(values[0], lanes.vector.as_pointer()), align=BYTES)
 
         return lanes(types.int64), generate

@@ -36,6 +36,7 @@ def polar_rotation(matrix: Floats, rotation: Floats, work: Floats) -> None:
         for k in range(3):
             rotation[i, k] = matrix[i, k]
     for _ in range(POLAR_SWEEPS):
+        # Higham's scaling by the determinant: without it a matrix that stretches much takes many sweeps.
         scale = abs(invert_matrix(rotation, work)) ** (-1.0 / 3.0)
         change = 0.0
         for i in range(3):

@@ -65,6 +65,7 @@ def analyse(pattern: Pattern, ordering: Ordering, size: int = 3) -> SymbolicFact
     owner = np.repeat(np.arange(count), np.diff(ordering.start))
     column = pattern.column
     slot_owner = owner[column]
+    # Stable, so that the slots of a front stay in the order of its columns.
     by_owner = np.argsort(slot_owner, kind="stable")
     slot_start = np.searchsorted(slot_owner[by_owner], np.arange(count + 1))
     borders = _borders(pattern, ordering, by_owner, slot_start)
@@ -140,6 +141,7 @@ def _place(sizes: Indices, parent: Indices) -> tuple[Indices, int]:
             offset = max(offset, end)
         places[s] = offset
         total = max(total, offset + size)
+        # Only now: the children's matrices are still read while their parent's is filled.
         living = [entry for entry in living if parent[entry[2]] != s]
         living.append((offset, offset + size, s))
     return places, total

@@ -7,6 +7,7 @@ from softarm.estimator.mesh import ElementSurface
 from softarm.estimator.reference_elements import CORNERS
 from softarm.estimator.shape_functions import shape_functions
 
+# Of a facet's side: a ring crosses curved facets in so many straight pieces.
 SUBDIVISIONS = 8
 
 

@@ -120,17 +120,14 @@ class EquilibriumPath:
             corrected = self._correct(extrapolate(self._body, self._here, self._before, aim), aim)
             if corrected.solution.converged:
                 self._arrive(aim, corrected)
-                step *= (
-                    2.0
-                    if corrected.solution.iterations <= 4
-                    else 1.2
-                    if corrected.solution.iterations <= 6
-                    else 0.7
-                )
+                # Few iterations mean that the prediction was good, and that a longer step will do.
+                count = corrected.solution.iterations
+                step *= 2.0 if count <= 4 else 1.2 if count <= 6 else 0.7
                 if self._spent >= self._settings.total_iterations and aim < 1.0:
                     return self._end(self._here.displacement, SolveStatus.ITERATIONS)
                 continue
             status = corrected.solution.status
+            # Less than half, so that doubling after one success does not lead back to the aim that failed.
             step = 0.4 * (aim - self._here.fraction)
             if self._spent >= self._settings.total_iterations:
                 return self._end(self._here.displacement, SolveStatus.ITERATIONS)
@@ -141,6 +138,8 @@ class EquilibriumPath:
                 corrected = self._descend(self._here.displacement, aim)
                 if not corrected.solution.converged:
                     return self._end(self._here.displacement, status)
+                # The equilibria beyond a snap do not continue those before: nothing is extrapolated across
+                # it.
                 self._last = None
                 self._arrive(aim, corrected)
                 step = SNAP
@@ -182,5 +181,6 @@ class EquilibriumPath:
         return min(1.0, self._settings.longest_move * size_of(self._body) / max(longest, 1e-300))
 
     def _end(self, displacement: Floats, status: SolveStatus) -> Solution[Floats]:
+        # Against the target, wherever the walk ended: it tells how far that is from what was asked for.
         norm = self._balancer(displacement, self._target, False).norm
         return Solution(displacement, status, self._spent, norm)

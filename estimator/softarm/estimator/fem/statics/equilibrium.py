@@ -136,6 +136,7 @@ def correct(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, setti
     """
     displacement, least, last, poor = start, np.inf, np.inf, 0
     reach = settings.longest_move * size_of(body)
+    # One evaluation more than steps, since the last step is judged as well.
     for iteration in range(settings.iterations + 1):
         balance = balancer(displacement, inputs, True)
         factor = exact_factor(body, balance) if balance.evaluation.valid else None
@@ -175,6 +176,7 @@ def take_step(
         return displacement
     step = step * min(1.0, reach / max(longest, 1e-300))
     deformation = body.rotation_strain.deformation(displacement)
+    # Where no halving helps the shortest step is taken: the next residual then tells that it is invalid.
     for halving in range(8):
         after = body.rotation_strain.moved(displacement, deformation, step * 0.5**halving)
         if balancer(after, inputs, False).evaluation.valid:
@@ -184,7 +186,9 @@ def take_step(
 
 def _softest(factor: StiffnessFactor, residual: Floats) -> Floats:
     """Find the mode of least stiffness by inverse iteration, with the sign of the residual."""
+    # Random, so as not to be orthogonal to the mode; seeded, so that an arm snaps alike every time.
     mode = np.random.default_rng(0).standard_normal(residual.shape)
+    # A rough direction is enough to leave a saddle by.
     for _ in range(4):
         mode = factor.solve_roughly(mode / np.linalg.norm(mode))
     return mode if mode @ residual >= 0.0 else -mode

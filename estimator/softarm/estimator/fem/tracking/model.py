@@ -167,6 +167,7 @@ class TrackingStep:
             # Poisson problem is solved for them.
             moments = self.tracking.moments_of_divergence @ divergence
             drift = self.poses.twists_of_moments(moments[None])[0]
+        # Sensitivities were taken with the factor; each section's turn with it from there.
         since = self.frames.rotations @ self.tangent.sections.transpose(0, 2, 1)
         motion = self.tangent.motion.reshape(sections, 2, 3, -1)
         return drift, np.einsum("sij,stjr->stir", since, motion).reshape(6 * sections, -1)
@@ -254,7 +255,9 @@ class TrackingModel(ModelWrapper):
         return TrackingStep(self, state, inputs, balance, poses, tangent)
 
     def _tangent(self, state: TrackingState, inputs: Inputs, balance: Balance) -> FrozenTangent | None:
+        # Where the last step was for new inputs, its residual does not judge the factor.
         held, arrived = state.tangent, not np.isfinite(state.forces)
+        # Another gravity is a jump of the forces that no factor is to blame for.
         moved_on = not np.array_equal(inputs.gravity, state.inputs.gravity)
         residual = float(np.linalg.norm(balance.residual))
         calm = arrived or moved_on or balance.norm < self.model.settings.tolerance

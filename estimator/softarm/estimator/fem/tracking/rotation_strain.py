@@ -134,6 +134,7 @@ def _group(points: QuadraturePoints, start: int) -> PointGroups:
     count = len(points.connectivity)
     element = np.minimum(np.arange(-(-count // SINGLE_LANES) * SINGLE_LANES), count - 1)
     padding = np.arange(len(element)) >= count
+    # Padding as in `elements.hyperelastic`: copies that compute and add nothing.
     connectivity = points.connectivity[element]
     nodes = np.where(padding[:, None], -1 - connectivity, connectivity).astype(np.int64)
 

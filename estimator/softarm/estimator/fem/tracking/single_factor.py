@@ -72,6 +72,7 @@ def _backward(panel: Singles, height: int, width: int, x: Floats) -> None:
     """Solve with the transposed lower triangle of a front, the rows below being known."""
     last = width
     while last > 0:
+        # Blocks of four are counted from the first column, as forwards, so that an odd one comes first here.
         j = (last - 1) // 4 * 4
         rest = x[last:height]
         if last - j == 4:
