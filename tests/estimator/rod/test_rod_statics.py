@@ -164,9 +164,9 @@ def test_scaling_stiffness_and_loads_alike_changes_nothing() -> None:
 def test_loads_off_the_arm_are_refused() -> None:
     rod = linear_rod(8)
     with pytest.raises(InputError, match="outside the arm"):
-        _ = rod.with_loads([Load("far", "force", (1.0, 0.0, 0.0), height=1.0)])._actions
+        _ = rod.with_loads([Load("far", "force", (1.0, 0.0, 0.0), height=1.0)])._compiled
     with pytest.raises(InputError, match="no section 'elbow'"):
-        _ = rod.with_loads([Load("far", "force", (1.0, 0.0, 0.0), section="elbow")])._actions
+        _ = rod.with_loads([Load("far", "force", (1.0, 0.0, 0.0), section="elbow")])._compiled
 
 
 def test_slopes_of_the_terms_are_their_derivatives() -> None:

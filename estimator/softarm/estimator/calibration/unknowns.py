@@ -340,11 +340,8 @@ class StretchGain(PressureUnknown):
 
     def apply(self, setting: Setting, value: float) -> Setting:
         """Return a setting with the gain; a setting without a stretch law stays as it is."""
-        return (
-            setting
-            if setting.stretch is None
-            else replace(setting, stretch=replace(setting.stretch, gain=value))
-        )
+        law = setting.stretch
+        return setting if law is None else replace(setting, stretch=replace(law, gain=value))
 
     def change(self, at: Prediction) -> Floats:
         """Differentiate the pressures: as if those on unstretched chambers had grown."""
@@ -373,45 +370,43 @@ class Alignment(Unknown):
 
 
 @dataclass(frozen=True)
-class BaseMount(Unknown):
-    """How the body on the base is mounted: a component of the twist that registered readings move by.
-
-    Args:
-        axis: Component: shift along x, y, z [m], then rotation about them [rad].
-    """
+class VectorComponent(Unknown):
+    """A component of a vector of the setting."""
 
     axis: int = 0
 
-    manoeuvre = "bend each segment by more than 20 degrees in three directions, each held for 5 s"
+    vector: ClassVar[str]
+    """Name of the vector in ``Setting``."""
+    jacobian: ClassVar[str]
+    """Name of the derivative by it in ``Prediction``, one column per component."""
 
     def apply(self, setting: Setting, value: float) -> Setting:
         """Return a setting with the component."""
-        return replace(setting, base=_entered(setting.base, self.axis, value))
+        entered = getattr(setting, self.vector).copy()
+        entered[self.axis] = value
+        changed: dict[str, Any] = {self.vector: entered}
+        return replace(setting, **changed)
 
     def derivative(self, at: Prediction) -> Floats:
         """Differentiate the predicted readings, shape (nodes, rows)."""
-        return at.base_jacobian[..., self.axis]
+        jacobian: Floats = getattr(at, self.jacobian)
+        return jacobian[..., self.axis]
 
 
 @dataclass(frozen=True)
-class GravityTilt(Unknown):
-    """Rotation of gravity about one of the two axes across it.
+class BaseMount(VectorComponent):
+    """How the body on the base is mounted: shift along x, y, z [m], or rotation about them [rad]."""
 
-    Args:
-        axis: Number of the axis.
-    """
+    manoeuvre = "bend each segment by more than 20 degrees in three directions, each held for 5 s"
+    vector, jacobian = "base", "base_jacobian"
 
-    axis: int = 0
+
+@dataclass(frozen=True)
+class GravityTilt(VectorComponent):
+    """Rotation of gravity about one of the two axes across it [rad]."""
 
     manoeuvre = "hang a known weight, or pull with the gauge in three directions, each held for 5 s"
-
-    def apply(self, setting: Setting, value: float) -> Setting:
-        """Return a setting with the rotation."""
-        return replace(setting, gravity_tilt=_entered(setting.gravity_tilt, self.axis, value))
-
-    def derivative(self, at: Prediction) -> Floats:
-        """Differentiate the predicted readings, shape (nodes, rows)."""
-        return at.tilt_jacobian[..., self.axis]
+    vector, jacobian = "gravity_tilt", "tilt_jacobian"
 
 
 @dataclass(frozen=True)
@@ -476,9 +471,3 @@ def _at_unit_gain(actuation: ActuationMap, measured: Floats) -> Floats:
 def _replaced(actuation: ActuationMap, coefficient: str, value: Floats) -> ActuationMap:
     changed: dict[str, Any] = {coefficient: value}
     return replace(actuation, **changed)
-
-
-def _entered(vector: Floats, index: int, value: float) -> Floats:
-    changed = vector.copy()
-    changed[index] = value
-    return changed

@@ -91,12 +91,8 @@ class ManoeuvrePath:
         """Go to no pressure."""
         return self.go(np.zeros_like(self._points[-1]), seconds)
 
-    @property
-    def times(self) -> Floats:
-        """Of the points [s]."""
-        return np.array(self._times)
-
-    @property
-    def pressures(self) -> Floats:
-        """At the points [Pa]."""
-        return np.array(self._points)
+    def manoeuvre(
+        self, name: str, shows: str, by_hand: str = "", rotation: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> Manoeuvre:
+        """Make a manoeuvre of the points."""
+        return Manoeuvre(name, shows, np.array(self._times), np.array(self._points), by_hand, rotation)

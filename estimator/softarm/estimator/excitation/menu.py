@@ -24,8 +24,7 @@ def menu(segments: Segments, limits: ManoeuvreLimits) -> tuple[Manoeuvre, ...]:
 
 def rest(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: ARG001
     """Leave the arm vented: noise, its correlation in time, drift."""
-    path = ManoeuvrePath(limits).hold(60.0)
-    return Manoeuvre("rest", "noise and drift", path.times, path.pressures)
+    return ManoeuvrePath(limits).hold(60.0).manoeuvre("rest", "noise and drift")
 
 
 def growing_cycles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -33,7 +32,7 @@ def growing_cycles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     path, full = ManoeuvrePath(limits), _one_of_each(segments, limits, 0)
     for level in np.repeat([0.25, 0.5, 0.75, 1.0], 2):
         path.go(level * full, 3.5).vent(3.5)
-    return Manoeuvre("growing_cycles", "softening on first stretch", path.times, path.pressures)
+    return path.manoeuvre("growing_cycles", "softening on first stretch")
 
 
 def each_alone(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: ARG001
@@ -43,7 +42,7 @@ def each_alone(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noq
         for level in np.diag(limits.top):
             path.go(level, ramp).hold(hold).vent(ramp).hold(1.0)
     shows = "each chamber's gain, bias, line and cross-talk"
-    return Manoeuvre("each_alone", shows, path.times, path.pressures)
+    return path.manoeuvre("each_alone", shows)
 
 
 def ramps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -51,7 +50,7 @@ def ramps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     path, full = ManoeuvrePath(limits), _one_of_each(segments, limits, 1)
     for seconds in (3.0, 10.0, 30.0):
         path.go(full, seconds).hold(2.0).vent(seconds).hold(2.0)
-    return Manoeuvre("ramps", "what depends on the rate", path.times, path.pressures)
+    return path.manoeuvre("ramps", "what depends on the rate")
 
 
 def triangles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -60,24 +59,23 @@ def triangles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     for speed in (8e3, 40e3):
         for level, before in ((1.0, 0.0), (0.3, 1.0), (0.8, 0.3), (0.0, 0.8), (0.5, 0.0), (0.0, 0.5)):
             path.go(level * full, float(abs(level - before) * full.max()) / speed)
-    return Manoeuvre("triangles", "loops that no rate changes", path.times, path.pressures)
+    return path.manoeuvre("triangles", "loops that no rate changes")
 
 
 def holds(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Step to a pose and hold it long, then vent and wait as long."""
     path = ManoeuvrePath(limits)
     path.go(_one_of_each(segments, limits, 2)).hold(40.0).vent().hold(40.0)
-    return Manoeuvre("holds", "what creeps and recovers", path.times, path.pressures)
+    return path.manoeuvre("holds", "what creeps and recovers")
 
 
 def steps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Jump to poses and let go, so that the arm rings."""
     path = ManoeuvrePath(limits)
     for number in range(6):
-        path.go(_one_of_each(segments, limits, number) * (1.0 if number % 2 else 0.4)).hold(3.0).vent().hold(
-            3.0
-        )
-    return Manoeuvre("steps", "lags, inertia and damping", path.times, path.pressures)
+        size = 1.0 if number % 2 else 0.4
+        path.go(size * _one_of_each(segments, limits, number)).hold(3.0).vent().hold(3.0)
+    return path.manoeuvre("steps", "lags, inertia and damping")
 
 
 def staircase(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -87,7 +85,7 @@ def staircase(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
         for level in np.arange(1e3, 8.5e3, 1e3):
             path.go(level * unit).hold(1.0)
         path.vent().hold(0.5)
-    return Manoeuvre("staircase", "dead bands and biases near zero", path.times, path.pressures)
+    return path.manoeuvre("staircase", "dead bands and biases near zero")
 
 
 def co_contraction(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -96,7 +94,7 @@ def co_contraction(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     groups = [np.array(segments) == s for s in sorted(set(segments))]
     for mask in (*groups, np.ones(len(segments), dtype=bool)):
         path.go(level * mask, 5.0).hold(2.0).vent(5.0).hold(1.0)
-    return Manoeuvre("co_contraction", "stretch without bending", path.times, path.pressures)
+    return path.manoeuvre("co_contraction", "stretch without bending")
 
 
 def poses(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -110,9 +108,7 @@ def poses(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
                 level[mine[(number + s) % len(mine)]] = 0.0
         path.go(level, 0.5).hold(5.0)
     path.vent(0.5).hold(2.0)
-    return Manoeuvre(
-        "poses", "loads, contacts and other effects that depend on the pose", path.times, path.pressures
-    )
+    return path.manoeuvre("poses", "loads, contacts and other effects that depend on the pose")
 
 
 def mount_turned(axis: str) -> Callable[[Segments, ManoeuvreLimits], Manoeuvre]:
@@ -122,11 +118,9 @@ def mount_turned(axis: str) -> Callable[[Segments, ManoeuvreLimits], Manoeuvre]:
         path = ManoeuvrePath(limits).hold(5.0)
         for level in np.diag(limits.top):
             path.go(level, 1.5).hold(2.0).vent(1.5).hold(1.0)
-        return Manoeuvre(
+        return path.manoeuvre(
             f"mount_turned_{axis}",
             "weight and sensors apart from everything else",
-            path.times,
-            path.pressures,
             f"turn the mount by 90 degrees about the {axis} axis of its base and clamp it there",
             (QUARTER, 0.0, 0.0) if axis == "x" else (0.0, QUARTER, 0.0),
         )

@@ -44,6 +44,32 @@ class Laws(NamedTuple):
     stiffness: Floats
 
 
+class CompiledChain(NamedTuple):
+    """What of a chain does not change from sample to sample.
+
+    Args:
+        length: Rest lengths of the links [m], shape (links,).
+        actions: Where weights and loads act.
+        laws: Link laws.
+        inputs: Number of inputs: pressures, loads and, where they are some, the components of gravity.
+        units: Force and couple of an action per unit of an input, shape (units, 6).
+        owner: Action and input of each, shape (units, 2).
+        shapes: Eigenstrains of the links whose effect is wanted, shape (6 links, shapes).
+        stations: Station of each point whose motion is wanted, 0 for the clamp, shape (points,).
+        offsets: Offset of each point in its station's frame [m], shape (points, 3).
+    """
+
+    length: Floats
+    actions: Actions
+    laws: Laws
+    inputs: int
+    units: Floats
+    owner: Indices
+    shapes: Floats
+    stations: Indices
+    offsets: Floats
+
+
 class ChainInputs(NamedTuple):
     """What drives the chain.
 

@@ -5,7 +5,7 @@ from numba import njit
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.linalg.blas import solve_rows
-from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work
+from softarm.estimator.rod.arrays import ChainInputs, CompiledChain, Laws, Work
 from softarm.estimator.rod.laws import evaluate_laws
 from softarm.estimator.rod.statics import action_points, place, wrenches
 from softarm.estimator.rod.tangent import (
@@ -17,21 +17,21 @@ from softarm.estimator.rod.tangent import (
 )
 from softarm.estimator.vectors import add_rotated
 
+ITERATIONS = 25
+"""Largest number of linearisations of a solve."""
+
 
 @njit(cache=True, nogil=True)
-def linearise_chain(
-    length: Floats, actions: Actions, laws: Laws, drive: ChainInputs, work: Work, residual: Floats
-) -> None:
+def linearise_chain(chain: CompiledChain, drive: ChainInputs, work: Work, residual: Floats) -> None:
     """Evaluate law(wrench(strain)) + eigenstrain - strain and, in ``work.tangent``, its negative derivative.
 
     Args:
-        length: Rest lengths of the links [m], shape (links,).
-        actions: Where loads act.
-        laws: Link laws.
+        chain: The chain.
         drive: Pressures, loads and eigenstrains.
         work: Strains and clamp are given, all else is filled.
         residual: Filled with law + eigenstrain - strain, shape (6 links,).
     """
+    length, actions, laws = chain.length, chain.actions, chain.laws
     links = len(length)
     wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
     value, inner, parts = np.empty((links, 8)), np.empty((links, 6, 3)), np.empty((links, 6, 3))
@@ -70,23 +70,16 @@ def _through_laws(laws: Laws, slopes: Floats, by_strain: Floats, tangent: Floats
 
 @njit(cache=True, nogil=True)
 def settle(
-    length: Floats,
-    actions: Actions,
-    laws: Laws,
-    drive: ChainInputs,
-    work: Work,
-    residual: Floats,
-    tolerance: float,
-    iterations: int,
+    chain: CompiledChain, drive: ChainInputs, work: Work, residual: Floats, tolerance: float
 ) -> tuple[int, float]:
     """Bring the strains so near to equilibrium that one more Newton step ends there; see ``respond``.
 
     ``residual``, shape (6 links,), is filled with law + eigenstrain - strain at the last iterate.
     """
-    links = len(length)
+    length, links = chain.length, len(chain.length)
     size, move = np.inf, np.empty((1, 6 * links))
-    for count in range(1, iterations + 1):
-        linearise_chain(length, actions, laws, drive, work, residual)
+    for count in range(1, ITERATIONS + 1):
+        linearise_chain(chain, drive, work, residual)
         size = 0.0
         for i in range(links):
             for k in range(6):
@@ -108,23 +101,16 @@ def settle(
         for i in range(links):
             for k in range(6):
                 work.strain[i, k] += factor * move[0, 6 * i + k]
-    return -iterations, size
+    return -ITERATIONS, size
 
 
 @njit(cache=True, nogil=True)
-def input_gaps(
-    actions: Actions, laws: Laws, work: Work, units: Floats, owner: Indices, right: Floats
-) -> None:
-    """Fill the change of the laws' strains per unit of each pressure and of each unit action.
+def input_gaps(chain: CompiledChain, work: Work, right: Floats) -> None:
+    """Fill the change of the laws' strains per unit of each input about a linearised configuration.
 
-    Args:
-        actions: Where loads act.
-        laws: Link laws.
-        work: A linearised configuration.
-        units: Force and couple of an action per unit of an input, shape (units, 6).
-        owner: Action and input (column) of each, shape (units, 2).
-        right: Zeros that are filled, shape (columns or more, 6 links); the pressures come first.
+    ``right`` holds zeros to begin with, shape (inputs or more, 6 links).
     """
+    laws, owner = chain.laws, chain.owner
     links, slopes, chambers = len(work.strain), work.slopes, laws.chambers
     wrench = np.empty((links, 6))
     for i in range(links):
@@ -135,7 +121,9 @@ def input_gaps(
                     right[chambers[i, n], 6 * i + k] = slopes[i, 7 + n, k] / unit
     for u in range(len(owner)):
         wrench.fill(0.0)
-        unit_wrenches(work.positions, work.middles, actions, owner[u, 0], work.points, units[u], wrench)
+        unit_wrenches(
+            work.positions, work.middles, chain.actions, owner[u, 0], work.points, chain.units[u], wrench
+        )
         for i in range(links):
             for m in range(6):
                 unit = laws.scale[i, m] * laws.stiffness[i]
@@ -206,63 +194,46 @@ def _point_twist(rigid: Floats, place: Floats, twist: Floats) -> None:
 
 @njit(cache=True, nogil=True)
 def respond(
-    length: Floats,
-    actions: Actions,
-    laws: Laws,
+    chain: CompiledChain,
     drive: ChainInputs,
-    units: Floats,
-    owner: Indices,
-    columns: int,
-    shapes: Floats,
-    stations: Indices,
-    offsets: Floats,
     tolerance: float,
-    iterations: int,
     work: Work,
     places: Floats,
     change: Floats,
     twists: Floats,
 ) -> tuple[int, float]:
-    """Settle the chain and give the motion of points fixed to stations per unit of each input.
+    """Settle the chain and compute the motion of its points per unit of each input.
 
     Args:
-        length: Rest lengths of the links [m], shape (links,).
-        actions: Where loads act.
-        laws: Link laws.
+        chain: The chain.
         drive: Pressures and loads.
-        units: Force and couple of an action per unit of an input, shape (units, 6).
-        owner: Action and column of each, shape (units, 2).
-        columns: Number of inputs; the stiffness factors of the links and then the shapes follow them in
-            ``change`` where it has more columns. Where it has none, nothing is differentiated.
-        shapes: Free strains of the links whose effect is wanted, shape (6 links, shapes).
-        stations: Station of each point, 0 for the clamp, shape (points,).
-        offsets: Offset of each point in its station's frame [m], shape (points, 3).
         tolerance: Largest residual of a strain [rad, or share of its link's length] to stop at.
-        iterations: Largest number of linearisations.
         work: Strains to begin with and clamp are given; all is brought to equilibrium.
         places: Filled with the points [m], shape (points, 3).
-        change: Filled with the strains' change per unit of each column, shape (6 links, columns).
+        change: Filled with the strains' change per unit of each column, shape (6 links, columns): the inputs
+            and, where it has more columns, the stiffness factors of the links and the shapes. Without
+            columns nothing is differentiated.
         twists: Filled with the points' twists per unit of each, shape (6 points, columns).
 
     Returns:
         Number of linearisations, negative when it failed, and the last residual.
     """
-    links = len(length)
+    laws, inputs, links = chain.laws, chain.inputs, len(chain.length)
     residual, every = np.empty(6 * links), change.shape[1]
-    count, size = settle(length, actions, laws, drive, work, residual, tolerance, iterations)
+    count, size = settle(chain, drive, work, residual, tolerance)
     # One row more than inputs: the last Newton step is solved along with the derivatives.
     right = np.zeros((every + 1, 6 * links))
     for row in range(6 * links):
         right[every, row] = residual[row]
     if every > 0:
-        input_gaps(actions, laws, work, units, owner, right)
-    if every > columns:
+        input_gaps(chain, work, right)
+    if every > inputs:
         wrench, beyond = np.empty((links, 6)), np.empty((links, 15))
-        wrenches(work.positions, work.middles, actions, work.points, drive, wrench, beyond)
-        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[columns:])
+        wrenches(work.positions, work.middles, chain.actions, work.points, drive, wrench, beyond)
+        stiffness_gaps(laws, wrench, drive.pressures, work.slopes, right[inputs:])
         for row in range(6 * links):
-            for f in range(shapes.shape[1]):
-                right[columns + links + f, row] = shapes[row, f]
+            for f in range(chain.shapes.shape[1]):
+                right[inputs + links + f, row] = chain.shapes[row, f]
     if count > 0:
         # The last Newton step, so small that the linearisation holds at its end as well.
         solve_rows(work.lapack, work.letters, work.tangent, right, work.integers)
@@ -270,13 +241,13 @@ def respond(
             for column in range(every):
                 change[row, column] = right[column, row]
             work.strain[row // 6, row % 6] += right[every, row]
-        place(work.strain, length, work.rotations, work.positions, work.middles)
-    before = np.empty(len(stations), np.int64)
-    for n in range(len(stations)):
-        before[n] = stations[n] - 1
+        place(work.strain, chain.length, work.rotations, work.positions, work.middles)
+    before = np.empty(len(chain.stations), np.int64)
+    for n, station in enumerate(chain.stations):
+        before[n] = station - 1
         for k in range(3):
-            places[n, k] = work.positions[stations[n], k]
-        add_rotated(work.rotations[stations[n]], offsets[n], places[n])
+            places[n, k] = work.positions[station, k]
+        add_rotated(work.rotations[station], chain.offsets[n], places[n])
     if count > 0:
         station_twists(work.motions, change, before, places, twists)
     return count, size
@@ -284,21 +255,12 @@ def respond(
 
 @njit(cache=True, nogil=True)
 def respond_all(
-    length: Floats,
-    actions: Actions,
-    laws: Laws,
+    chain: CompiledChain,
     pressures: Floats,
     amplitudes: Floats,
     gravities: Floats,
     eigenstrains: Floats,
-    units: Floats,
-    owner: Indices,
-    columns: int,
-    shapes: Floats,
-    stations: Indices,
-    offsets: Floats,
     tolerance: float,
-    iterations: int,
     work: Work,
     strains: Floats,
     places: Floats,
@@ -306,14 +268,16 @@ def respond_all(
     twists: Floats,
     counts: Indices,
 ) -> None:
-    """Settle the chain for many samples; arguments as of ``respond``, arrays with a leading axis (samples,).
+    """Settle the chain, gravity among its inputs, for many samples; arguments as of ``respond``.
 
-    ``amplitudes`` are those of the loads [N or N m], ``eigenstrains`` the sizes of the ``shapes``; ``units``
-    and ``owner`` include gravity, after pressures and loads. ``strains``, shape (samples, links, 6), are
-    those to begin with, NaN where a sample begins from the one before; they are brought to equilibrium.
-    Filled are ``places``, ``rotations``, shape (samples, points, 3, 3), ``twists``, with columns for inputs,
-    links and shapes, and ``counts``, the numbers of linearisations, negative where the chain did not settle.
+    ``amplitudes`` are those of the loads [N or N m], ``eigenstrains`` the sizes of the shapes. ``strains``,
+    shape (samples, links, 6), are those to begin with, NaN where a sample begins from the one before; they
+    are brought to equilibrium. Filled are ``places``, ``rotations``, shape (samples, points, 3, 3),
+    ``twists``, with columns for inputs, links and shapes, and ``counts``, the numbers of linearisations,
+    negative where the chain did not settle.
     """
+    length, actions, shapes = chain.length, chain.actions, chain.shapes
+    units, owner, stations = chain.units, chain.owner, chain.stations
     chambers = pressures.shape[1]
     force, couple = np.zeros((len(actions.link), 3)), np.zeros((len(actions.link), 3))
     change, strain = np.zeros((6 * len(length), twists.shape[2])), np.empty((len(length), 6))
@@ -336,10 +300,7 @@ def respond_all(
         if not np.isnan(strains[s, 0, 0]):
             _copy(strains[s], work.strain)
         for _ in range(2):
-            counts[s], _ = respond(
-                length, actions, laws, drive, units, owner, columns, shapes, stations, offsets,
-                tolerance, iterations, work, places[s], change, twists[s],
-            )  # fmt: skip
+            counts[s], _ = respond(chain, drive, tolerance, work, places[s], change, twists[s])
             if counts[s] > 0:
                 break
             # From rest once more, before it is given up.

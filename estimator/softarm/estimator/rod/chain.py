@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class Chain:
         """Number of links."""
         return len(self.heights) - 1
 
-    @property
+    @cached_property
     def lengths(self) -> Floats:
         """Rest lengths of the links [m], shape (links,)."""
         return np.diff(self.heights)

@@ -6,18 +6,17 @@ from functools import cached_property
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError, require_known
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.response import ArmResponse, BatchInputs
-from softarm.estimator.rod.arrays import Actions, ChainInputs, Laws, Work, new_work
+from softarm.estimator.rod.arrays import ChainInputs, CompiledChain, Laws, Work, new_work
 from softarm.estimator.rod.balance import respond, respond_all
 from softarm.estimator.rod.chain import Chain
 
 TOLERANCE, COARSE = 1e-6, 1e-4
 """Gap of a strain [rad, share of a link's length] that one more Newton step closes to about its square; the
 larger where only the response is wanted."""
-ITERATIONS = 25
 SHARES = ((3, 0), (4, 1), (5, 2), (2, 5))
 """Component of the wrench and strain it makes, for each eigenstrain: two bends, the twist, the elongation."""
 TWIST_TERM = (0, 0, 0, 6)
@@ -153,12 +152,7 @@ class CalibratedRod:
         columns = self.chambers + len(self.loads)
         places, twists = np.empty((sections, 3)), np.zeros((6 * sections, columns))
         change = np.zeros((6 * self.chain.links, columns))
-        units, owner = self._units
-        count, _ = respond(
-            self._lengths, self._actions, self.laws, drive, units, owner, columns, self._shapes,
-            self.chain.section_station, self.chain.section_offset, TOLERANCE, ITERATIONS, work, places,
-            change, twists,
-        )  # fmt: skip
+        count, _ = respond(self._compiled, drive, TOLERANCE, work, places, change, twists)
         rotations = work.rotations[self.chain.section_station] @ self.chain.section_rotation
         residual = 0.0 if count > 0 else np.inf
         return RodStep(inputs, work.strain, Frames(places, rotations), twists, change, residual, abs(count))
@@ -188,15 +182,13 @@ class CalibratedRod:
         """
         samples, sections, links = len(inputs), len(self.sections), self.chain.links
         columns = self.chambers + len(self.loads) + 3
-        units, owner = self._units_and_gravity
         places = np.empty((samples, sections, 3))
         rotations = np.empty((samples, sections, 3, 3))
         strains = np.full((samples, links, 6), np.nan)
         if start is not None:
             # A state that is no equilibrium would begin worse than that of the sample before.
             strains = np.where(start.converged[:, None, None], start.states, np.nan)
-        shapes = self._shapes
-        ways = shapes.shape[1]
+        ways = self._shapes.shape[1]
         width = columns + links + ways if jacobians else 0
         sizes = np.zeros((samples, ways))
         if inputs.eigenstrains is not None:
@@ -204,10 +196,9 @@ class CalibratedRod:
         twists = np.zeros((samples, 6 * sections, width))
         counts = np.zeros(samples, dtype=np.int64)
         respond_all(
-            self._lengths, self._actions, self.laws, _dense(inputs.pressures), _dense(inputs.loads),
-            _dense(np.broadcast_to(inputs.gravity, (samples, 3))), sizes, units, owner, columns, shapes,
-            self.chain.section_station, self.chain.section_offset, TOLERANCE if jacobians else COARSE,
-            ITERATIONS, self._work(self.rest()), strains, places, rotations, twists, counts,
+            self._compiled_with_gravity, _dense(inputs.pressures), _dense(inputs.loads),
+            _dense(np.broadcast_to(inputs.gravity, (samples, 3))), sizes, TOLERANCE if jacobians else COARSE,
+            self._work(self.rest()), strains, places, rotations, twists, counts,
         )  # fmt: skip
         by_link = twists[..., columns : columns + links]
         # The chain rule turns a derivative by the factor into one by its logarithm.
@@ -252,14 +243,6 @@ class CalibratedRod:
         return work
 
     @cached_property
-    def _lengths(self) -> Floats:
-        return self.chain.lengths
-
-    @cached_property
-    def _actions(self) -> Actions:
-        return self.chain.actions(self.loads)
-
-    @cached_property
     def _directions(self) -> Floats:
         """Force and couple of each load per unit, none for a load on the clamp, shape (loads, 6)."""
         directions = np.zeros((len(self.loads), 6))
@@ -269,23 +252,27 @@ class CalibratedRod:
         return directions
 
     @cached_property
-    def _units(self) -> tuple[Floats, Indices]:
-        """Unit actions of the loads, and the action and input each belongs to."""
-        index = np.arange(len(self.loads))
-        owner = np.stack([self.chain.links + index, self.chambers + index], axis=1)
-        return self._directions, owner.astype(np.int64)
+    def _compiled(self) -> CompiledChain:
+        """The chain with pressures and loads for inputs."""
+        chain, index = self.chain, np.arange(len(self.loads))
+        owner = np.stack([chain.links + index, self.chambers + index], axis=1).astype(np.int64)
+        return CompiledChain(
+            chain.lengths, chain.actions(self.loads), self.laws, self.chambers + len(self.loads),
+            self._directions, owner, self._shapes, chain.section_station, chain.section_offset,
+        )  # fmt: skip
 
     @cached_property
-    def _units_and_gravity(self) -> tuple[Floats, Indices]:
-        units, owner = self._units
-        links, first = self.chain.links, self.chambers + len(self.loads)
+    def _compiled_with_gravity(self) -> CompiledChain:
+        """The chain with the components of gravity among its inputs, after pressures and loads."""
+        plain, links = self._compiled, self.chain.links
         weights = np.zeros((3 * links, 6))
         whose = np.zeros((3 * links, 2), dtype=np.int64)
         for axis in range(3):
             rows = slice(axis * links, (axis + 1) * links)
             weights[rows, axis] = self.chain.mass
-            whose[rows] = np.stack([np.arange(links), np.full(links, first + axis)], axis=1)
-        return np.concatenate([units, weights]), np.concatenate([owner, whose])
+            whose[rows] = np.stack([np.arange(links), np.full(links, plain.inputs + axis)], axis=1)
+        units, owner = np.concatenate([plain.units, weights]), np.concatenate([plain.owner, whose])
+        return plain._replace(inputs=plain.inputs + 3, units=units, owner=owner)
 
     @cached_property
     def _shapes(self) -> Floats:

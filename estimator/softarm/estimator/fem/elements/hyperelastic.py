@@ -10,7 +10,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.fem.elements.hyperelastic_kernel import solid_forces
 from softarm.estimator.fem.elements.material import Material
 from softarm.estimator.fem.linalg.pattern import FIXED, Pattern, Slots
-from softarm.estimator.fem.linalg.simd import LANES
+from softarm.estimator.fem.linalg.simd import LANES, lane_groups, lanes_last
 from softarm.estimator.mesh import ElementBlock
 from softarm.estimator.shape_functions import quadrature, shape_functions
 
@@ -229,17 +229,12 @@ def _batches(
     region: Indices,
 ) -> Batches:
     """Group elements by lanes; the last one fills up what is left over, with nodes -1 - n."""
-    count = len(connectivity)
-    # The last group is filled up with copies of the last element, which compute and add nothing.
-    element = np.minimum(np.arange(-(-count // LANES) * LANES), count - 1)
-    padding = np.arange(len(element)) >= count
+    element, padding = lane_groups(len(connectivity), LANES)
     # -1 - n still tells the node to read from, and by its sign that nothing is added there.
     nodes = np.where(padding[:, None], -1 - connectivity[element], connectivity[element])
 
     def grouped(values: Floats) -> Floats:
-        """Move the lanes last, shape (elements, ...) to (batches, ..., lanes)."""
-        lanes_second = values[element].reshape(-1, LANES, *values.shape[1:])
-        return np.ascontiguousarray(np.moveaxis(lanes_second, 1, -1))
+        return lanes_last(values[element], LANES)
 
     return Batches(
         element=element,

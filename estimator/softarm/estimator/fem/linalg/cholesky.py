@@ -22,7 +22,6 @@ class SymmetricFactor(Protocol):
 
     def solve(self, right: Floats) -> Floats:
         """Solve for right-hand sides in elimination order, shapes (size,) or (right-hand sides, size)."""
-        ...
 
 
 @dataclass(frozen=True)

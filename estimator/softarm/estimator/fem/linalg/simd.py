@@ -7,9 +7,13 @@ kernels several times faster on any processor, without reordering a single sum.
 from collections.abc import Callable
 from typing import Any, cast
 
+import numpy as np
 from llvmlite import ir  # type: ignore[import-untyped]
 from numba.core import cgutils, types
 from numba.extending import intrinsic, models, register_model
+from numpy.typing import NDArray
+
+from softarm.estimator.arrays import Floats, Indices
 
 LANES = 4
 """Doubles in a vector."""
@@ -44,6 +48,19 @@ class _SimdModel(models.PrimitiveModel):
 
 
 doubles = SimdType("SimdDoubles", ir.DoubleType(), LANES)
+
+
+def lane_groups(count: int, lanes: int) -> tuple[Indices, NDArray[np.bool_]]:
+    """Deal elements out to groups of lanes; return the element of each lane, and which lanes are padding."""
+    # The last group is filled up with copies of the last element, which compute and add nothing.
+    lane = np.arange(-(-count // lanes) * lanes)
+    return np.minimum(lane, count - 1), lane >= count
+
+
+def lanes_last(values: Floats, lanes: int) -> Floats:
+    """Move the lanes last, shape (groups lanes, ...) to (groups, ..., lanes)."""
+    lanes_second = values.reshape(-1, lanes, *values.shape[1:])
+    return np.ascontiguousarray(np.moveaxis(lanes_second, 1, -1))
 
 
 def load_of(lanes: SimdType) -> Any:

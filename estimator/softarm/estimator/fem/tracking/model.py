@@ -49,27 +49,21 @@ class Carrier(Protocol):
 
     def deformation(self, displacement: Floats) -> Any:
         """Compute the deformation gradients of a displacement, shape (nodes, 3)."""
-        ...
 
     def rotations(self, before: Any, after: Any) -> Any:
         """Compute the rotations between configurations with given deformation gradients."""
-        ...
 
     def solve_poisson(self, nodal: Floats) -> Floats:
         """Solve the Poisson problem for nodal values, shape (nodes, columns)."""
-        ...
 
     def carried_divergence(self, rotations: Any, nodal: Floats) -> Floats:
         """Compute the divergence of the gradient of a displacement carried along, shape (nodes, 3)."""
-        ...
 
     def pulled_back(self, rotations: Any, forces: Floats) -> Floats:
         """Carry nodal forces back, shape (nodes, 3)."""
-        ...
 
     def moved(self, displacement: Floats, deformation: Any, step: Floats, rotations: Any) -> Floats:
         """Move by a linear step, its spin taken as a finite rotation, shape (nodes, 3)."""
-        ...
 
 
 @dataclass(frozen=True)

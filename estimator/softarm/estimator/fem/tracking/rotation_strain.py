@@ -12,6 +12,7 @@ from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.assembly import Body
 from softarm.estimator.fem.linalg.cholesky import CholeskyPlan
 from softarm.estimator.fem.linalg.pattern import Pattern
+from softarm.estimator.fem.linalg.simd import lane_groups, lanes_last
 from softarm.estimator.fem.linalg.symbolic import analyse
 from softarm.estimator.fem.rotation_strain import REGULARISATION, QuadraturePoints
 from softarm.estimator.fem.tracking.rotation_strain_kernel import (
@@ -131,17 +132,13 @@ class SingleRotationStrain:
 
 def _group(points: QuadraturePoints, start: int) -> PointGroups:
     """Group elements by lanes, the groups of their points standing from ``start`` on."""
-    count = len(points.connectivity)
-    element = np.minimum(np.arange(-(-count // SINGLE_LANES) * SINGLE_LANES), count - 1)
-    padding = np.arange(len(element)) >= count
+    element, padding = lane_groups(len(points.connectivity), SINGLE_LANES)
     # Padding as in `elements.hyperelastic`: copies that compute and add nothing.
     connectivity = points.connectivity[element]
     nodes = np.where(padding[:, None], -1 - connectivity, connectivity).astype(np.int64)
 
     def grouped(values: Floats) -> Singles:
-        """Move the lanes last, shape (elements, ...) to (batches, ..., lanes)."""
-        lanes_second = values[element].reshape(-1, SINGLE_LANES, *values.shape[1:])
-        return np.ascontiguousarray(np.moveaxis(lanes_second, 1, -1), dtype=np.float32)
+        return lanes_last(values[element], SINGLE_LANES).astype(np.float32)
 
     batches = len(element) // SINGLE_LANES
     return PointGroups(
