@@ -70,6 +70,7 @@ class ShapedStep(Generic[State, Step]):
 
     def response(self, rows: Floats) -> tuple[Floats, Floats]:
         """Project the motion of the sections on rows; see ``Linearisation.response``."""
+        # Rows look at translations and rotations in unturned axes; the wrapped model moves in turned ones.
         inner = (rows.reshape(-1, 3) @ self.model.base_rotation).reshape(rows.shape)
         drift, columns = self.step.response(inner)
         chambers = self.model.chambers

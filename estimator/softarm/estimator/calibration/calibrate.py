@@ -35,8 +35,10 @@ from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import Bend, SensorSuite
 from softarm.estimator.specimen import Specimen
 
+# The time of a fit is proportional to them, and neighbouring nodes soon say nearly the same.
 NODES = 240
 LEAST_PRESSURE_SPREAD = 1.0e3  # Pa; a chamber that moved less tells nothing of its gain
+# Share of the nodes with an equilibrium: below it the unit of a pressure or a modulus is wrong.
 LEAST_SOLVED = 0.5
 PULLED_WEIGHT = 1.5
 UNSETTLED = 1.0  # standard deviations that an unknown may still move at the end

@@ -18,6 +18,7 @@ from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import Specimen
 
+# Chance at most of calling an unchanged arm stale.
 SIGNIFICANCE = 0.01
 LEAST_RATIO = 1.3
 """A scatter that has grown by less is no reason to calibrate anew."""

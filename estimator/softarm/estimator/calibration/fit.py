@@ -43,6 +43,8 @@ A step of a third of a deviation gains as much. Along directions that the data h
 goes on for long with steps that gain less, each of which costs a solve of every node.
 """
 SETTLING = 4  # evaluations after which scatter and correlation stay, so that one function is minimised
+# Shares of the curvature's diagonal (Marquardt 1963): the first one, and that at which no step gains any
+# more.
 FIRST_DAMPING = 1e-3
 LARGEST_DAMPING = 1e6
 

@@ -11,6 +11,7 @@ from softarm.estimator.calibration.unknowns import Unknown
 
 Verdict = Literal["determined", "weakly determined", "kept"]
 
+# Deviation over that before any data: up to here an unknown is determined, beyond the next it is not fitted.
 DETERMINED = 0.5
 KEPT = 0.9
 

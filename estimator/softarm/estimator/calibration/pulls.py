@@ -18,6 +18,7 @@ from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import Registration
 from softarm.estimator.specimen import Specimen
 
+# Name of the marker on a gauge's hook.
 HOOK = "hook"
 REPEATS = 8  # readings in a row that count as standing still
 UNLIKE_OTHERS = 3.0  # times longer, or farther, than at any other level

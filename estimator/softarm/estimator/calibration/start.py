@@ -14,7 +14,9 @@ from softarm.estimator.calibration.search import AxesFit
 from softarm.estimator.calibration.unknowns import Area, Modulus
 from softarm.estimator.specimen import Specimen
 
+# Common factors on the moduli, tried in turn.
 STIFFER = (1.0, 1.4, 2.0, 2.8)
+# Nodes of the highest pressures, at which an equilibrium must exist.
 PROBES = 6
 
 

@@ -13,6 +13,7 @@ Segments = tuple[int, ...]
 QUARTER = np.pi / 2.0
 PLUCK = 0.3  # N, enough to swing the arm and little enough to hold with two fingers
 POSES = 10
+# Multiples of the golden section modulo 1 never cluster.
 GOLDEN = 0.6180339887
 
 

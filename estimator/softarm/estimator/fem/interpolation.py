@@ -12,6 +12,7 @@ from softarm.estimator.reference_elements import inside_violation
 from softarm.estimator.shape_functions import shape_functions
 
 INVERSE_MAP_ITERATIONS = 12
+# In parent coordinates, by which a sample of a cross-section may lie outside.
 TOLERANCE = 1e-6
 
 

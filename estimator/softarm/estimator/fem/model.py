@@ -16,7 +16,7 @@ from softarm.estimator.fem.loads import LoadSet, build_loads, superpose
 from softarm.estimator.fem.parity.springs import Springs
 from softarm.estimator.fem.sections import SectionFit, SectionFrame, SectionNodes, SectionPoses, build_section
 from softarm.estimator.fem.statics.continuation import EquilibriumPath, between
-from softarm.estimator.fem.statics.equilibrium import Balance, Settings, stable_factor, take_step
+from softarm.estimator.fem.statics.equilibrium import Balance, Settings, size_of, stable_factor, take_step
 from softarm.estimator.fem.statics.solution import Solution
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.model import Frames, Inputs, Load
@@ -71,16 +71,18 @@ class FiniteElementStep:
         nodal = np.concatenate([self.balance.evaluation.gradients, self.balance.load_vectors])
         return self.model.body.pattern.gather(nodal)
 
-    def adjoint(self, rows: Floats) -> Floats:
-        """Solve K^T y = J^T rows for rows on the stacked twists, shape (outputs, 3 free)."""
-        on_free = self.model.body.pattern.gather(self.poses.pull_back(rows))
-        if self.factor is None:
-            return np.full(on_free.shape, np.nan)
-        return self.factor.solve_transposed(on_free)
+    def input_fields(self) -> Floats:
+        """Compute the displacement per unit of each pressure, then each load, shape (inputs, nodes, 3)."""
+        assert self.factor is not None
+        return self.model.body.pattern.scatter(self.factor.solve(self.input_forces()))
 
     def response(self, rows: Floats) -> tuple[Floats, Floats]:
         """Project the motion of the sections on rows; see ``Linearisation.response``."""
-        adjoint = self.adjoint(np.atleast_2d(rows))
+        on_free = self.model.body.pattern.gather(self.poses.pull_back(np.atleast_2d(rows)))
+        # The adjoint, K^T y = J^T rows: one solve per row, whatever the number of inputs.
+        adjoint = np.full_like(on_free, np.nan)
+        if self.factor is not None:
+            adjoint = self.factor.solve_transposed(on_free)
         return adjoint @ self.balance.residual, adjoint @ self.input_forces().T
 
     @cached_property
@@ -298,7 +300,7 @@ class FiniteElementModel:
 
         A displacement that is too large for a Newton step is shortened like one.
         """
-        reach = self.settings.longest_move * float(np.ptp(self.body.points, axis=0).max())
+        reach = self.settings.longest_move * size_of(self.body)
         after = take_step(self.body, self.balance, state.displacement, move, inputs, reach)
         return FiniteElementState(after, inputs)
 
@@ -344,7 +346,7 @@ def _force_resolution(body: Body) -> float:
     assert tangent is not None
     # The first block of a column is the one on the diagonal.
     stiffness = np.linalg.norm(np.trace(tangent.values[body.pattern.column_start[:-1]], axis1=1, axis2=2))
-    return float(ROUNDING * stiffness * np.ptp(body.points, axis=0).max())
+    return float(ROUNDING * stiffness * size_of(body))
 
 
 def _chambers(mesh: Mesh) -> tuple[str, ...]:

@@ -21,7 +21,9 @@ ELEMENTS: Mapping[str, ElementKind] = {
     "hexahedron20": "hex20",
 }
 FACETS: Mapping[str, FacetKind] = {"triangle": "tri3", "triangle6": "tri6", "quad": "quad4", "quad8": "quad8"}
+# Solids that meshio reads and that no element here stands for.
 OTHER_SOLIDS = ("wedge", "pyramid", "hexahedron24", "hexahedron27", "polyhedron")
+# What meshio's readers raise for broken files; each reader fails in its own way.
 UNREADABLE = (meshio.ReadError, OSError, ValueError, KeyError, IndexError, AssertionError)
 
 

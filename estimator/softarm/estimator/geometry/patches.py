@@ -10,6 +10,7 @@ from softarm.estimator.arrays import Floats, Indices
 
 Curve = Callable[[Floats], Floats]
 
+# Far above rounding and far below any wall: nearer points are one node.
 MERGE_TOLERANCE_M = 1e-8
 
 

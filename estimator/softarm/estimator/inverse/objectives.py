@@ -246,6 +246,7 @@ def _weigh_pressures(
         weight = 1.0 / (sigma[k] * sigma[k])
         innovation[row] = pressures[k] - vector[k]
         jacobian[row, k] = 1.0
+        # With a unit Jacobian and a diagonal covariance all products are the weights themselves.
         information[row, row] = weighted[k, row] = normal[k, k] = weight
         gradient[k] = weight * innovation[row]
         cost += gradient[k] * innovation[row]

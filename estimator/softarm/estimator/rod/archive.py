@@ -23,6 +23,7 @@ from softarm.estimator.specimen import MeshFile, Specimen
 FORMAT = "softarm.rod/1"
 MODEL_VERSION = 4
 """Raised whenever the elements or the link laws change what a fit gives."""
+# The outputs of a law that count; the others pad it (`laws.OUTPUTS`).
 STRAINS = 6
 CHAIN_ARRAYS = (
     "heights",

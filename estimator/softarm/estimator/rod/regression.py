@@ -154,6 +154,7 @@ def _fit_link(
     width = variables.shape[1]
     rows = trust[:, None] * features(table, variables)
     normal, right = rows.T @ rows, rows.T @ (trust[:, None] * strains)
+    # Derivatives count beside values: they tell the law between the rays, where no state was solved.
     weights = form.slope_weight * _moderated(slopes) * trust[:, None]
     for column in range(slopes.shape[-1]):
         weight = weights[:, column, None]

@@ -11,7 +11,7 @@ from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem import FiniteElementModel, Settings
 from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
 from softarm.estimator.fem.statics.continuation import Waypoint, between, extrapolate, path_velocity
-from softarm.estimator.fem.statics.equilibrium import Balance, correct, exact_factor
+from softarm.estimator.fem.statics.equilibrium import Balance, correct
 from softarm.estimator.model import Inputs, Load, loads_along
 from softarm.estimator.rod.load_stiffness import exact_moves
 from softarm.estimator.rod.stations import NEAR, Stations
@@ -23,6 +23,7 @@ Progress = Callable[[int, int], None]
 STANDARD_GRAVITY = 9.80665
 TOLERANCE = 1e-8
 """Out-of-balance force over the applied force at which a sample is taken."""
+# An equilibrium that takes more lies too far ahead on the ray.
 NEWTON_STEPS = 9
 FIRST = 0.25
 """First step along a ray, over the largest: at rest the arm is at its softest."""
@@ -136,11 +137,8 @@ def draw_samples(
 
 def rest_twists(model: FiniteElementModel, stations: Stations) -> Floats:
     """Compute the stations' twists per unit of each input about the rest, shape (stations, 6, inputs)."""
-    rest = np.zeros_like(model.body.points)
-    balance = model.balance(rest, model.no_inputs())
-    factor, pattern = _factor(model, balance), model.body.pattern
-    moves = pattern.scatter(factor.solve(_gathered(model, balance)))
-    return stations.poses(model.body.points, moves)[2]
+    step = model.linearise(model.rest(), model.no_inputs())
+    return stations.poses(model.body.points, step.input_fields())[2]
 
 
 def load_scale(specimen: Specimen, model: FiniteElementModel, stations: Stations, rotation: float) -> Floats:
@@ -231,12 +229,12 @@ def _follow(
     body, none, rest = model.body, model.no_inputs(), np.zeros_like(model.body.points)
     factors = np.array([scales.get(region, 1.0) for region in stations.chain.regions])
     before: Waypoint | None = None
-    balance = model.balance(rest, none)
-    factor = _factor(model, balance)
-    frames = stations.poses(body.points, body.pattern.scatter(factor.solve(_gathered(model, balance))))
+    at_rest = model.linearise(model.rest(), none)
+    assert at_rest.factor is not None
+    frames = stations.poses(body.points, at_rest.input_fields())
     scale = _turning_loads(frames[2], model, 1.0)
     yield none.pressures, none.loads, none.gravity, *frames, factors, np.array(1.0)
-    here = Waypoint(0.0, rest, path_velocity(body, model.nodal_mass, balance, factor, none, ray.end))
+    here = Waypoint(0.0, rest, _velocity(model, at_rest.balance, at_rest.factor, ray))
     step, failures = FIRST * plan.step, 0
     while here.fraction < 1.0 - 1e-9 and failures < FAILURES:
         target = min(here.fraction + step, 1.0)
@@ -247,7 +245,7 @@ def _follow(
             continue
         step = min(plan.step, (1.5 if corrected.solution.iterations <= 4 else 1.0) * step)
         place = corrected.solution.value
-        velocity = path_velocity(body, model.nodal_mass, corrected.balance, corrected.factor, none, ray.end)
+        velocity = _velocity(model, corrected.balance, corrected.factor, ray)
         before, here = here, Waypoint(target, place, velocity)
         moves = exact_moves(model, corrected.factor, place, inputs.loads, _input_forces(corrected.balance))
         if moves is None:
@@ -266,17 +264,11 @@ def _bend(rotations: Floats) -> float:
     return float(np.linalg.norm(log(np.swapaxes(before, -1, -2) @ rotations), axis=-1).sum())
 
 
-def _factor(model: FiniteElementModel, balance: Balance) -> StiffnessFactor:
-    """Factor the tangent at rest, which is positive definite."""
-    factor = exact_factor(model.body, balance)
-    assert factor is not None
-    return factor
+def _velocity(model: FiniteElementModel, balance: Balance, factor: StiffnessFactor, ray: Ray) -> Floats:
+    """Compute the displacement per share of a ray [m], shape (nodes, 3)."""
+    return path_velocity(model.body, model.nodal_mass, balance, factor, model.no_inputs(), ray.end)
 
 
 def _input_forces(balance: Balance) -> Floats:
     """Compute the nodal forces per unit of each pressure, then each load, shape (inputs, nodes, 3)."""
     return np.concatenate([balance.evaluation.gradients, balance.load_vectors])
-
-
-def _gathered(model: FiniteElementModel, balance: Balance) -> Floats:
-    return model.body.pattern.gather(_input_forces(balance))

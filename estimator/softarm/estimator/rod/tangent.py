@@ -38,6 +38,7 @@ def link_motion(
         cross(motion[c, 0:3], far, lever)
         rotate(rotation, half_jacobian[0, :, c], motion[c, 6:9])
         for k in range(3):
+            # R_mid has half of the link's rotation.
             motion[c, 6 + k] *= 0.5
         cross(motion[c, 6:9], chord, motion[c, 9:12])
         for k in range(3):
@@ -68,6 +69,7 @@ def point_motion(strain: Floats, rotation: Floats, share: float, arm: Floats, mo
         cross(spin, arm, motion[c])
         rotate(rotation, turn[0, :, c], motion[3 + c])
         for k in range(3):
+            # Up to its share s the link turns by s theta, its chord by half of that.
             motion[c, k] *= 0.5 * share
             motion[3 + c, k] *= share
 

@@ -52,6 +52,7 @@ class ActuationMap:
             residual = pressure - self.bias - self._from_others(measured) - self._own(measured)
             if not np.any(np.abs(residual) > INVERTED_PA):
                 break
+            # Newton's method in the chamber's own pressure alone: cross-talk is a small part of the whole.
             slope = 1.0 + (2.0 * self.curve + 3.0 * self.quadratic_gain * measured) * measured
             measured = measured + residual / (self.gain * np.maximum(slope, LEAST_SLOPE))
         return measured

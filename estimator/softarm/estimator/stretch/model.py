@@ -128,6 +128,7 @@ def _follow(
             right[r, c] = columns[r, c] * (1.0 + gain * stretches[c]) if c < chambers else columns[r, c]
         for c in range(chambers):
             push = gain * pressures[c]
+            # (1 - E C g p) z = E (d + C (1 + g s) dp + D dl) + E C g p q.
             kept[r, c] -= columns[r, c] * push
             right[r, inputs] += columns[r, c] * push * (stretches[c] - made_with[c])
     invert(kept, inverse)

@@ -24,6 +24,7 @@ from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.linalg.pattern import Slots
 from softarm.estimator.fem.linalg.simd import LANES, fma, load, multiply, store, zero
 
+# Bytes from one vector to the next, then the vectors of a record.
 STEP = 8 * LANES
 RIGHT, LEFT = 9, 12
 
@@ -217,6 +218,7 @@ def evaluate_law(
             base, curving = weight * first * shrink, weight * second * shrink * shrink
             ratio = ratios[p, lane]
             volumetric = weight * (pressure * ratio + 0.5 * local * (ratio * ratio - 1.0))
+            # Factors of the products in the second derivative of psi, as at the head of this file.
             bent = base + curving * square
             of_f[p, lane] = 2.0 * base
             of_h[p, lane] = volumetric - 2.0 / 3.0 * base * square

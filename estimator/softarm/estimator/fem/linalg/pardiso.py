@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.linalg.pattern import Pattern
 
+# PARDISO's codes: the type of the matrix, the phases, and the error of a pivot that is not positive.
 POSITIVE_DEFINITE = 2
 ANALYSE, FACTORISE, SOLVE, RELEASE = 11, 22, 33, -1
 NOT_DEFINITE = -4

@@ -15,6 +15,7 @@ from scipy import sparse
 from softarm.estimator.arrays import Floats, Indices
 
 Slots = NDArray[np.int32]
+# Stands for a held node, among places and among slots.
 FIXED = -1
 
 

@@ -20,6 +20,7 @@ from softarm.estimator.fem.linalg.small import polar_rotations
 from softarm.estimator.mesh import ElementBlock
 from softarm.estimator.rotations import skew
 
+# The polar rules come last, so that `rules > EDGES` finds them.
 SMALL, POLAR = FRAME_CODES["small"], FRAME_CODES["corotational_polar"]
 EDGES, EDGE_POLAR = FRAME_CODES["corotational"], FRAME_CODES["corotational_edge_polar"]
 

@@ -1,5 +1,6 @@
 """From one equilibrium to another along a path of loads."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,7 @@ from softarm.estimator.fem.statics.equilibrium import (
     Settings,
     correct,
     descend,
+    longest_move,
     size_of,
 )
 from softarm.estimator.fem.statics.solution import Solution, SolveStatus
@@ -74,6 +76,9 @@ def path_velocity(
     return body.pattern.scatter(factor.solve(body.pattern.gather(force)))
 
 
+Search = Callable[[Body, Balancer, Floats, Inputs, Settings], Corrected]
+
+
 class EquilibriumPath:
     """The walk along a straight path of inputs, step by step.
 
@@ -108,16 +113,17 @@ class EquilibriumPath:
         the arm snaps through: the next equilibrium is sought downhill. A path that cannot be continued ends
         with the status of its last failure at the last equilibrium reached.
         """
-        corrected = self._correct(start, 0.0)
+        corrected = self._solve(correct, start, 0.0)
         if not corrected.solution.converged and self._settings.descent:
-            corrected = self._descend(start, 0.0)
+            corrected = self._solve(descend, start, 0.0)
         if not corrected.solution.converged:
             return self._end(start, corrected.solution.status)
         self._arrive(0.0, corrected)
         step, status = self._first_step(), SolveStatus.CONVERGED
         while self._here.fraction < 1.0:
             aim = min(1.0, self._here.fraction + step)
-            corrected = self._correct(extrapolate(self._body, self._here, self._before, aim), aim)
+            predicted = extrapolate(self._body, self._here, self._before, aim)
+            corrected = self._solve(correct, predicted, aim)
             if corrected.solution.converged:
                 self._arrive(aim, corrected)
                 # Few iterations mean that the prediction was good, and that a longer step will do.
@@ -135,7 +141,7 @@ class EquilibriumPath:
                 if not self._settings.descent:
                     return self._end(self._here.displacement, status)
                 aim = min(1.0, self._here.fraction + SNAP)
-                corrected = self._descend(self._here.displacement, aim)
+                corrected = self._solve(descend, self._here.displacement, aim)
                 if not corrected.solution.converged:
                     return self._end(self._here.displacement, status)
                 # The equilibria beyond a snap do not continue those before: nothing is extrapolated across
@@ -155,16 +161,9 @@ class EquilibriumPath:
         """Fraction of the path that has been walked."""
         return 0.0 if self._last is None else self._last.fraction
 
-    def _inputs(self, fraction: float) -> Inputs:
-        return between(self._origin, self._target, fraction)
-
-    def _correct(self, start: Floats, fraction: float) -> Corrected:
-        corrected = correct(self._body, self._balancer, start, self._inputs(fraction), self._settings)
-        self._spent += corrected.solution.iterations
-        return corrected
-
-    def _descend(self, start: Floats, fraction: float) -> Corrected:
-        corrected = descend(self._body, self._balancer, start, self._inputs(fraction), self._settings)
+    def _solve(self, search: Search, start: Floats, fraction: float) -> Corrected:
+        inputs = between(self._origin, self._target, fraction)
+        corrected = search(self._body, self._balancer, start, inputs, self._settings)
         self._spent += corrected.solution.iterations
         return corrected
 
@@ -177,8 +176,8 @@ class EquilibriumPath:
 
     def _first_step(self) -> float:
         """Choose the whole path, or as much as moves no node farther than a step may."""
-        longest = float(np.sqrt((self._here.velocity**2).sum(axis=1).max()))
-        return min(1.0, self._settings.longest_move * size_of(self._body) / max(longest, 1e-300))
+        reach = self._settings.longest_move * size_of(self._body)
+        return min(1.0, reach / max(longest_move(self._here.velocity), 1e-300))
 
     def _end(self, displacement: Floats, status: SolveStatus) -> Solution[Floats]:
         # Against the target, wherever the walk ended: it tells how far that is from what was asked for.

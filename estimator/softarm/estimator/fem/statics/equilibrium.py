@@ -116,6 +116,11 @@ def _shifted(body: Body, balance: Balance, shift: float) -> Tangent:
     return Tangent(values, values if balance.evaluation.tangent.symmetric else mirror)
 
 
+def longest_move(displacement: Floats) -> float:
+    """Compute the largest displacement of a node [m], from shape (nodes, 3)."""
+    return float(np.sqrt((displacement**2).sum(axis=1).max()))
+
+
 def size_of(body: Body) -> float:
     """Compute the longest side of the body's box at rest [m]."""
     return float(np.ptp(body.points, axis=0).max())
@@ -171,7 +176,7 @@ def take_step(
 
     The step bends the body instead of moving its nodes straight on, which would stretch it.
     """
-    longest = float(np.sqrt((step**2).sum(axis=1).max()))
+    longest = longest_move(step)
     if not np.isfinite(longest):
         return displacement
     step = step * min(1.0, reach / max(longest, 1e-300))
@@ -213,7 +218,7 @@ def descend(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, setti
             exact = exact_factor(body, balance)
             if exact is None:
                 mode = body.pattern.scatter(_softest(factor, balance.residual))
-                mode *= TILT * reach / float(np.sqrt((mode**2).sum(axis=1).max()))
+                mode *= TILT * reach / longest_move(mode)
                 displacement = body.rotation_strain.moved(displacement, deformation, mode)
                 continue
             if balance.norm <= settings.tolerance:
@@ -222,7 +227,7 @@ def descend(body: Body, balancer: Balancer, start: Floats, inputs: Inputs, setti
         step = factor.solve(balance.residual)
         slope = float(step @ balance.residual)
         nodal = body.pattern.scatter(step)
-        nodal *= min(1.0, reach / max(float(np.sqrt((nodal**2).sum(axis=1).max())), 1e-300))
+        nodal *= min(1.0, reach / max(longest_move(nodal), 1e-300))
         for halving in range(10):
             after = body.rotation_strain.moved(displacement, deformation, nodal * 0.5**halving)
             trial = balancer(after, inputs, False)

@@ -42,7 +42,7 @@ def freeze_tangent(
     step = model.linearise(FiniteElementState(displacement, inputs), inputs)
     if step.factor is None:
         return None
-    fields = model.body.pattern.scatter(step.factor.solve(step.input_forces()))
+    fields = step.input_fields()
     return FrozenTangent(
         displacement=displacement,
         factor=_compact(step.factor.symmetric) if single else step.factor.symmetric,

@@ -51,6 +51,7 @@ broadcast_single = cast("Callable[[Any], Any]", broadcast_of(singles))
 """Return a number in every lane; it must be of single precision."""
 
 
+# Bytes from one vector to the next, and of a matrix.
 STEP = 4 * SINGLE_LANES
 MATRIX = 9 * STEP
 SWEEPS = 4
