@@ -85,6 +85,21 @@ def rotation_vector_kernel(quaternions: Floats, vectors: Floats) -> None:
 
 
 @njit(cache=True, nogil=True)
+def _combine(v: Floats, a: float, b: float, c: float, m: Floats) -> None:
+    """Fill m, shape (3, 3), with a 1 + b [v] + c v v^T."""
+    for r in range(3):
+        for s in range(3):
+            m[r, s] = c * v[r] * v[s]
+        m[r, r] += a
+    m[0, 1] -= b * v[2]
+    m[1, 0] += b * v[2]
+    m[0, 2] += b * v[1]
+    m[2, 0] -= b * v[1]
+    m[1, 2] -= b * v[0]
+    m[2, 1] += b * v[0]
+
+
+@njit(cache=True, nogil=True)
 def jacobian_kernel(vectors: Floats, matrices: Floats) -> None:
     """Fill the left Jacobians at vectors, shape (n, 3), into matrices, shape (n, 3, 3)."""
     for i in range(vectors.shape[0]):
@@ -99,17 +114,7 @@ def jacobian_kernel(vectors: Floats, matrices: Floats) -> None:
             angle = np.sqrt(square)
             b = (1.0 - np.cos(angle)) / square
             c = (angle - np.sin(angle)) / (square * angle)
-        m = matrices[i]
-        for r in range(3):
-            for s in range(3):
-                m[r, s] = c * v[r] * v[s]
-            m[r, r] += 1.0 - c * square
-        m[0, 1] -= b * v[2]
-        m[1, 0] += b * v[2]
-        m[0, 2] += b * v[1]
-        m[2, 0] -= b * v[1]
-        m[1, 2] -= b * v[0]
-        m[2, 1] += b * v[0]
+        _combine(v, 1.0 - c * square, b, c, matrices[i])
 
 
 @njit(cache=True, nogil=True)
@@ -124,17 +129,7 @@ def inverse_jacobian_kernel(vectors: Floats, matrices: Floats) -> None:
         else:
             angle = np.sqrt(square)
             c = (1.0 - 0.5 * angle / np.tan(0.5 * angle)) / square
-        m = matrices[i]
-        for r in range(3):
-            for s in range(3):
-                m[r, s] = c * v[r] * v[s]
-            m[r, r] += 1.0 - c * square
-        m[0, 1] += 0.5 * v[2]
-        m[1, 0] -= 0.5 * v[2]
-        m[0, 2] -= 0.5 * v[1]
-        m[2, 0] += 0.5 * v[1]
-        m[1, 2] += 0.5 * v[0]
-        m[2, 1] -= 0.5 * v[0]
+        _combine(v, 1.0 - c * square, -0.5, c, matrices[i])
 
 
 @njit(cache=True, nogil=True)

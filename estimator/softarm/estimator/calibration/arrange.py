@@ -136,6 +136,7 @@ def arrange(
         unknown,
         gravity_of(recording, specimen),
     )
+    # Rows that only other streams filled show no motion to fit.
     return run.window(np.asarray(rows))
 
 

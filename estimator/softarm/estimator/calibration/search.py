@@ -69,6 +69,7 @@ def search_axes(suite: SensorSuite, nodes: Sequence[Nodes], frames: Sequence[Fra
 
 
 def _fit_sensor(sensor: Bend, nodes: Sequence[Nodes], frames: Sequence[Frames], mirrored: bool) -> AxesFit:
+    # What is sought must not be in the prediction already.
     plain = replace(sensor, in_plane=0.0, bias=np.zeros(2), mirrored=False)
     predicted, recorded, weights = [], [], []
     for run_nodes, observed in zip(nodes, frames, strict=True):

@@ -68,6 +68,7 @@ class Setting:
         """Return a model with the stiffness, its compliances where they can change, and the stretch law."""
         scaled = model.with_scales({n: f for n, f in self.scales.items() if n in model.regions})
         further = any(self.torsion.values()) or any(self.extension.values())
+        # The rod's laws have such compliances, a finite-element model has none.
         if further and hasattr(scaled, "with_compliances"):
             scaled = cast(Any, scaled).with_compliances(self.torsion, self.extension)
         if self.stretch is None or not self.stretch.gain:

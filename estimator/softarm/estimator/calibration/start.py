@@ -73,6 +73,7 @@ def sized_by_bends(specimen: Specimen, layout: Layout, first: Floats, axes: Mapp
         if isinstance(unknown, Modulus):
             name = f"bend_{specimen.section_below(specimen.segment(unknown.segment).to_m)}"
             if name in axes:
+                # The gain is the recorded over the predicted bend: where it is large the segment is softer.
                 values[index] -= float(np.clip(np.log(max(axes[name].gain, 1e-3)), -1.0, 1.0))
         for axis, letter in enumerate("xy"):
             sensor = unknown.name.removesuffix(f".bias_{letter}")

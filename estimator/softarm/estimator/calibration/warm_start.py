@@ -31,6 +31,7 @@ def nearest_states(
     starts = []
     for part, run_nodes in zip(others, sought, strict=True):
         near = states[tree.query(_inputs(run_nodes) / scale)[1]]
+        # Called converged, since solves begin at such states only.
         response = replace(part.response, states=near, converged=np.ones(len(near), dtype=bool))
         starts.append(replace(part, response=response))
     return tuple(starts)

@@ -93,6 +93,7 @@ class SectionFit:
 
         With M = R U (polar), R is the rotation since rest.
         """
+        # A section's rows: the mean, then the columns of M.
         count = len(self.offsets)
         stacked = moments.reshape(count, MOMENTS, 3)
         since_rest, spins = _fit_rotations(stacked[:, 1:], self.single)

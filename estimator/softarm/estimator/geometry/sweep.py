@@ -36,6 +36,7 @@ def sweep(
         ``clamp`` and ``section_<name>``.
     """
     levels = layer_heights(specimen, breaks, resolution)
+    # At any height: sizes change along the arm, but not which patches share a side.
     plan = build_plan(patches(0.5 * (levels[0] + levels[1])))
     points, connectivity = _extrude(plan, patches, levels)
     middle = 0.5 * (levels[:-1] + levels[1:])
@@ -79,9 +80,11 @@ def _extrude(
     """Place all nodes, and number those of every cell, cavities included; layer after layer."""
     count, layers = plan.nodes, len(levels) - 1
     heights = np.empty(2 * layers + 1)
+    # The ends of the layers, and between them the middles of their vertical edges.
     heights[::2], heights[1::2] = levels, 0.5 * (levels[:-1] + levels[1:])
     points = np.concatenate([np.column_stack([plan.place(patches(z)), np.full(count, z)]) for z in heights])
     corners, sides = plan.quads[:, :4], plan.quads[:, 4:]
+    # VTK's order: corners below and above, then the edges below, above and between.
     cell = np.concatenate([corners, corners + 2 * count, sides, sides + 2 * count, corners + count], axis=1)
     offsets = 2 * count * np.arange(layers)
     return points, (cell[None] + offsets[:, None, None]).reshape(-1, 20)

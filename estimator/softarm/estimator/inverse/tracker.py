@@ -136,6 +136,7 @@ class Estimator(Generic[State, Step]):
         self._retries = RETRIES if guide is None else 0
         self._model = model
         sections = [load.section for load in model.loads]
+        # Once and for all, so that no suite is built at an instant.
         self._conditions = {c: _Accuracy.of(c, suite, sections) for c in settings.model_error.conditions}
         self._settings = settings
         self._unknowns = Unknowns.of(model.chambers, model.loads)
@@ -164,6 +165,7 @@ class Estimator(Generic[State, Step]):
 
     def begin_at(self, state: State, inputs: Inputs) -> None:
         """Begin the next search at an equilibrium that is known from elsewhere, such as other sensors."""
+        # The pose is known, not what holds it: pressures and loads are as open as at the very start.
         variance = np.concatenate([self._settings.pressure_limits**2, self._settings.process.sigma**2])
         time = -np.inf if self._memory is None else self._memory.time
         self._memory = _Memory(time, state, inputs, np.diag(variance))

@@ -68,6 +68,7 @@ class Orientation:
     def sensitivity(self, frames: Frames, reading: Floats) -> Sensitivity:
         """Compare a quaternion in the laboratory frame, shape (..., 4), with the frames."""
         rotations, leading = frames.rotations[..., self.section, :, :], np.shape(reading)[:-1]
+        # One pose with many readings, or many poses with one.
         if rotations.shape[:-2] != leading:
             leading = np.broadcast_shapes(rotations.shape[:-2], leading)
             rotations = np.broadcast_to(rotations, (*leading, 3, 3))

@@ -239,6 +239,7 @@ class SensorSuite:
         top = left = 0
         for part in parts:
             bottom, right = top + part.shape[-2], left + part.shape[-1]
+            # A sensor's parameters change its own rows alone.
             rows[..., top:bottom, left:right] = part
             top, left = bottom, right
         return rows

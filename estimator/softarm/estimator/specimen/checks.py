@@ -189,6 +189,7 @@ def _geometry(specimen: "Specimen") -> Iterator[Inconsistency]:
             )
         elif any(
             abs(b - a - math.tau / wanted) > 1e-6
+            # Around the whole circle, so that the first follows the last.
             for a, b in pairwise([*azimuths, azimuths[0] + math.tau] if azimuths else [])
         ):
             yield Inconsistency(

@@ -171,6 +171,7 @@ def _geometry(shape: LobeMeasures | CylinderMeasures, heights: list[float]) -> d
     return {
         "kind": "swept_lobes",
         "station_heights_m": heights,
+        # Rigid parts do not taper: both ends of each have one radius.
         "lobe_radii_m": [radius for radius in shape.radii_m for _ in range(2)],
         "wall_m": shape.wall_m,
         "floor_m": shape.floor_m,

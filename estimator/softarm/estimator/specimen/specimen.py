@@ -69,6 +69,7 @@ class Specimen(Entry):
     def placed_in(self, folder: Path) -> "Specimen":
         """Return the same specimen as if read from a folder."""
         placed = self.model_copy()
+        # Private attributes are no part of the file and may be set on a frozen model.
         placed._folder = folder
         return placed
 

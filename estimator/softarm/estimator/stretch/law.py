@@ -123,20 +123,11 @@ def stretch_kernel(
     stretches: Floats,
     rows: Floats,
 ) -> None:
-    """Fill in the stretches of C chambers, and their derivatives where rows have columns.
+    """Fill in the stretches of C chambers, and their derivatives where ``rows`` has columns.
 
-    Args:
-        positions: Of the sections [m], shape (n, sections, 3).
-        rotations: Of the sections, shape (n, sections, 3, 3).
-        below: See ``StretchLaw``, as for all that follow.
-        above: Shape (C,).
-        starts: Shape (C, 3).
-        ends: Shape (C, 3).
-        lengths: Shape (C,).
-        lower_axes: Shape (C, 3).
-        upper_axes: Shape (C, 3).
-        stretches: Filled, zeros to begin with, shape (n, C).
-        rows: Likewise, shape (n, C, 6 sections) or without columns.
+    The sections have ``positions`` [m], shape (n, sections, 3), and ``rotations``; of the chambers, see
+    ``StretchLaw``. ``stretches``, shape (n, C), and ``rows``, shape (n, C, 6 sections) or without columns,
+    hold zeros to begin with.
     """
     start, end, reach = np.empty(3), np.empty(3), np.empty(3)
     lower, upper, across, rotated = np.empty(3), np.empty(3), np.empty(3), np.empty(3)

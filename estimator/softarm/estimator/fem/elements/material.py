@@ -84,5 +84,6 @@ class Material:
 
     def coefficients(self) -> Floats:
         """Collect what the kernels read: law code, half shear modulus, bulk modulus, a, b; shape (5,)."""
+        # A co-rotational region has a row as well, which no hyperelastic element reads.
         code = LAW_CODES.get(self.law, 0)
         return np.array([code, 0.5 * self.shear_modulus, self.bulk_modulus, *self.shape])
