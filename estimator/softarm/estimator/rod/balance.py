@@ -221,7 +221,7 @@ def respond(
     laws, inputs, links = chain.laws, chain.inputs, len(chain.length)
     residual, every = np.empty(6 * links), change.shape[1]
     count, size = settle(chain, drive, work, residual, tolerance)
-    # One row more than inputs: the last Newton step is solved along with the derivatives.
+    # One row more than `change` has columns: the last Newton step is solved along with the derivatives.
     right = np.zeros((every + 1, 6 * links))
     for row in range(6 * links):
         right[every, row] = residual[row]
