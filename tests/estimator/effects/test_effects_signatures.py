@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.effects.placed import signals_of
-from softarm.estimator.effects.rubber import losses
+from softarm.estimator.effects.rubber import losses, slipping
 from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.rotations import exp, to_quaternions
 from tests.estimator.effects.effects_bench import SUITE, WORLD, drive_of, placed, run, step_drive
@@ -219,9 +219,42 @@ def test_valves_cut_pressures_as_they_say():
 
 def test_a_leak_loses_its_share_in_a_long_hold():
     drive = step_drive()
-    pressure = run(drive, placed("line_leak", [0.2, 5.0], chamber=0)).drive.pressures[:, 0]
+    pressure = run(drive, placed("line_leak", [0.2, 0.0, 5.0], chamber=0)).drive.pressures[:, 0]
     assert pressure[21] > 0.9 * 2e4
     assert pressure[-1] == pytest.approx(0.8 * 2e4, rel=1e-3)
+
+
+def test_a_chamber_that_leaks_behind_a_narrow_line_never_reaches_its_pressure():
+    """C p' = (p_in - p) / R - G p: the share 1 / (1 + R G) arrives, with time constant R C / (1 + R G)."""
+    drive, lag, lost = step_drive(), 0.8, 0.2
+    leaking = run(drive, placed("line_leak", [lost, lag, 0.01], chamber=0)).drive.pressures
+    late = run(drive, placed("line_lag", [lag], chamber=0)).drive.pressures
+    assert np.allclose(leaking[:, 0], (1.0 - lost) * late[:, 0], atol=0.01 * 2e4)
+    assert np.array_equal(leaking[:, 1:], drive.pressures[:, 1:])
+
+
+def test_friction_adds_to_the_stiffness_until_it_slips():
+    """Bouc-Wen (Wen 1976): stiffness 1 + a after a reversal, 1 once slipping, a r carried by friction."""
+    drive = ramps(10.0, cycles=2, samples=4001)
+    loads, strain = (
+        bends(drive, *effects)[:, 0, 1] for effects in ((), (placed("hysteresis", [0.3, 0.02]),))
+    )
+    stiffness = np.diff(loads) / np.where(np.diff(strain) == 0.0, np.inf, np.diff(strain))
+    turn = int(np.argmax(loads))
+    assert stiffness[1] == pytest.approx(1.3, rel=0.02)
+    assert stiffness[turn - 5] == pytest.approx(1.0, rel=0.01)
+    assert loads[turn] - strain[turn] == pytest.approx(0.3 * 0.02, rel=0.01)
+
+
+def test_friction_knows_no_direction():
+    turned = np.array([[0.6, -0.8], [0.8, 0.6]])
+    rng = np.random.default_rng(4)
+    loads = np.cumsum(rng.normal(0.0, 0.02, (300, 1, 2)), axis=0)
+
+    def slipped(values: np.ndarray) -> np.ndarray:
+        return slipping(values, np.array([0.4]), 0.05, np.zeros((1, 2)), np.zeros((1, 2)))
+
+    assert np.allclose(slipped(loads @ turned.T), slipped(loads) @ turned.T, atol=1e-8)
 
 
 def test_crosstalk_bends_the_other_segment():

@@ -18,7 +18,7 @@ from softarm.estimator.diagnosis.innovations import (
     residuals_of,
 )
 from softarm.estimator.diagnosis.judge import bootstrap
-from softarm.estimator.diagnosis.normal_equations import NormalEquations, added, total
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 from softarm.estimator.diagnosis.probability import Explanation, credible_set, probabilities
 from softarm.estimator.diagnosis.result import (
     ChannelErrors,
@@ -50,6 +50,8 @@ NOTHING = 1.0
 SHOWN = (2.0 + (4.0 + NOTHING) ** 0.5) ** 2
 """Gain expected of an effect that acts, from which stretches can disprove it: g with g - 4 sqrt(g) = NOTHING.
 The gain of an effect of the right size is normal with mean g and standard deviation 2 sqrt(g)."""
+BY_CHANCE = 2.0
+"""Standard deviations by which such a gain may fall short of its mean."""
 
 
 @dataclass(frozen=True)
@@ -168,7 +170,8 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
     """List accepted effects without which confirming data are predicted as well; all, where none is as good.
 
     Judged like folds in ``Search.judge``: the prior of the calibration is that from before these recordings.
-    What would hardly show in these data, as a wall that is not reached there, is not judged by them.
+    What would hardly show in these data, as a wall that is not reached there, is not judged by them; nor is
+    it by the stretches of a resampling in which an effect that acts may by chance gain less than nothing.
 
     Args:
         search: The search.
@@ -181,37 +184,59 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
     after = _confirming(search.parts(fit))
 
     def better(others: Fit | None) -> bool:
-        before = _confirming(search.parts(others))
-        drawn = [_gain(search, before, after, chosen) for chosen in _draws(search.rng, len(after))]
+        before, expected = _confirming(search.parts(others)), expected_gains(search, fit, others)
+        drawn = [
+            _gain(search, before, after, chosen) + lost_by_chance(expected, chosen)
+            for chosen in _draws(search.rng, len(after))
+        ]
         whole = _gain(search, before, after, range(len(after)))
         return whole > NOTHING and float(np.percentile(drawn, sure)) > -NOTHING
 
     every = list(range(len(choice.accepted)))
     if not after:
         return []
-    if len(every) > 1 and not better(None) and expected_gain(search, fit, None) > SHOWN:
+    if len(every) > 1 and not better(None) and expected_gains(search, fit, None).sum() > SHOWN:
         return every
     rests = [search.subset(fit, [j for j in every if j != k]) for k in every]
-    return [k for k in every if not better(rests[k]) and expected_gain(search, fit, rests[k]) > SHOWN]
+    return [k for k in every if not better(rests[k]) and expected_gains(search, fit, rests[k]).sum() > SHOWN]
 
 
-def expected_gain(search: Search, fit: Fit, rest: Fit | None) -> float:
-    """Return by how much effects lower the cost of the confirming data if they act just as in a fit.
+def expected_gains(search: Search, fit: Fit, rest: Fit | None) -> Floats:
+    """Return by how much effects lower the cost of each confirming stretch if they act just as in a fit.
 
     Args:
         search: The search.
         fit: All effects.
         rest: Those that are taken for granted.
+
+    Returns:
+        Shape (stretches,).
     """
 
     def change(stage: Stage) -> Floats:
         prior_change = 0.0 if rest is None else search.change(stage, rest)
-        added: Floats = search.change(stage, fit) - prior_change
-        return added[..., None]
+        more: Floats = search.change(stage, fit) - prior_change
+        return more[..., None]
 
     parts = _confirming(search.parts(fit))
-    new = added(search.evidence.with_columns(search.weights, change, parts, search.residuals(fit)))
-    return float(_marginaliser(search, parts).marginal(new).matrix[0, 0])
+    changes = search.evidence.with_columns(search.weights, change, parts, search.residuals(fit))
+    marginals = (
+        _marginaliser(search, [part]).marginal(new) for part, new in zip(parts, changes, strict=True)
+    )
+    return np.array([float(marginal.matrix[0, 0]) for marginal in marginals])
+
+
+def lost_by_chance(expected: Floats, chosen: Sequence[int]) -> float:
+    """Return by how much stretches may by chance be predicted worse with an effect that acts.
+
+    Where g is expected of a stretch, m times the same gain m g on average, with deviation 2 m sqrt(g).
+
+    Args:
+        expected: Gain expected of each stretch, shape (stretches,).
+        chosen: Numbers of the stretches, some perhaps more than once.
+    """
+    times = np.bincount(chosen, minlength=len(expected))
+    return max(BY_CHANCE * 2.0 * float(np.sqrt(times**2 @ expected)) - float(times @ expected), 0.0)
 
 
 def _confirming(parts: Sequence[NormalEquations]) -> list[NormalEquations]:

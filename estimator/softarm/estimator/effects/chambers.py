@@ -123,12 +123,14 @@ LINE_LAG = Effect(
 def line_leak(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
     """Lose a share of each pressure through a leak behind a restriction.
 
-    p = p_in - s z, tau z' = p_in - z, s the share lost in a long hold and tau the time constant.
+    f q' = p_in - q fills the line, p = q - s z loses from it, tau z' = q - z: s is the share lost in a long
+    hold. Where what leaks is the chamber itself, tau is short and p = (1 - s) q.
     """
-    share, lag = theta
-    start = memory or (signals.time[:1], signals.pressures[0], np.zeros_like(signals.pressures[0]))
-    lost, memory = first_order(signals.time, signals.pressures, lag, start)
-    return signals.pressures - share * spot.chambers * lost, memory
+    share, filling, lag = theta
+    arrived, line = first_order(signals.time, signals.pressures, filling, memory[:3])
+    start = memory[3:] or (signals.time[:1], arrived[0], np.zeros_like(arrived[0]))
+    lost, loss = first_order(signals.time, arrived, lag, start)
+    return np.where(spot.chambers, arrived - share * lost, signals.pressures), (*line, *loss)
 
 
 LINE_LEAK = Effect(
@@ -136,12 +138,13 @@ LINE_LEAK = Effect(
     hook="pressure",
     parameters=(
         ParameterSpec("share", "1", 0.1, 0.0, 0.95, spread=0.1),
-        ParameterSpec("time_constant", "s", 5.0, 0.1, 500.0, "shape", "log", spread=1.5),
+        ParameterSpec("line", "s", 0.3, 0.0, 20.0, spread=0.5, alone=("line_lag", 1.0)),
+        ParameterSpec("time_constant", "s", 5.0, 0.01, 500.0, "shape", "log", spread=2.5),
     ),
     places=whole_and_chambers,
     act=line_leak,
     statement="{where} leaks: a held pressure falls by {share:percent} with a time constant of "
-    "{time_constant}.",
+    "{time_constant}, behind a line with one of {line}.",
     source="Two linear restrictions on one volume",
     equivalence=("leak_or_gain",),
     needs=frozenset({"holds"}),
@@ -150,6 +153,6 @@ LINE_LEAK = Effect(
         ("viscoelastic_creep", "compare with measured pressures"),
     ),
     when="pressure level",
-    shapes=((0.3,), (3.0,), (30.0,)),
+    shapes=((0.03,), (0.3,), (3.0,), (30.0,)),
     driven=True,
 )

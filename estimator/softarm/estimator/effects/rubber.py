@@ -64,39 +64,61 @@ DISTRIBUTED_MASS = Effect(
 
 
 def hysteresis(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Let strain lag behind load by the same amount at every rate.
+    """Let friction inside the material carry a part of the load, by the same amount at every rate.
 
-    Bouc-Wen with n = 1 per bending axis: eps = u - a z, dz = du - |du| z / r, so that z runs towards +-r. Its
-    exact step over a change du of one sign is z' = s r + (z - s r) exp(-|du| / r), s = sign(du).
+    Bouc-Wen with n = 1, beside the elastic material: the bend eps under what would be the bend u obeys u =
+    eps + a z, dz = d eps - |d eps| z / r, so that z runs towards r along the way of the bend.
     """
     strength, reach = theta
-    bends = signals.strains[..., :2]
-    before, state = memory or (bends[0], np.zeros_like(bends[0]))
-    change = np.diff(bends, axis=0, prepend=before[None])
-    lagging = slipping(change.reshape(len(bends), -1), reach, np.ravel(state)).reshape(bends.shape)
-    strains = signals.strains.copy()
-    strains[..., :2] -= strength * spot.segments[:, None] * lagging
-    return strains, (bends[-1], lagging[-1].copy())
+    loads = signals.strains[..., :2]
+    bends, friction = memory or (loads[0], np.zeros_like(loads[0]))
+    strains, bends, friction = signals.strains.copy(), bends.copy(), friction.copy()
+    strains[..., :2] = slipping(loads, strength * spot.segments, reach, bends, friction)
+    return strains, (bends, friction)
+
+
+CLOSE = 1e-10
+"""Change of a bend [rad] at which a step of the friction has been solved."""
+SLIP_STEPS = 50
 
 
 @njit(cache=True, nogil=True)
-def slipping(change: Floats, reach: float, state: Floats) -> Floats:
-    """Step the variables z of ``hysteresis``.
+def slipping(loads: Floats, strengths: Floats, reach: float, bends: Floats, friction: Floats) -> Floats:
+    """Step the bends of ``hysteresis``.
+
+    Along a straight change of length d in the direction n, z' = r n + (z - r n) exp(-d / r) is exact. So the
+    change is (u - eps - a z exp(-d / r)) / (1 + a r (1 - exp(-d / r)) / d), and d a fixed point.
 
     Args:
-        change: Of the strains, shape (samples, columns).
+        loads: The bends u without friction, shape (samples, segments, 2).
+        strengths: a of each segment, shape (segments,).
         reach: r.
-        state: z before the first sample, shape (columns,).
+        bends: Bends before the first sample, shape (segments, 2); overwritten.
+        friction: z before the first sample, shape (segments, 2); overwritten.
 
     Returns:
-        z, shape (samples, columns).
+        The bends, shape (samples, segments, 2).
     """
-    out, before = np.empty_like(change), state
-    for k in range(len(change)):
-        for j in range(len(state)):
-            limit = reach * np.sign(change[k, j])
-            out[k, j] = limit + (before[j] - limit) * np.exp(-abs(change[k, j]) / reach)
-        before = out[k]
+    out = np.empty_like(loads)
+    for sample in range(len(loads)):
+        for k in range(len(strengths)):
+            way, before = 0.0, -1.0
+            for _ in range(SLIP_STEPS):
+                if abs(way - before) < CLOSE:
+                    break
+                kept = np.exp(-way / reach)
+                slope = reach * (1.0 - kept) / way if way > 0.0 else 1.0
+                stiff = 1.0 + strengths[k] * slope
+                x = (loads[sample, k, 0] - bends[k, 0] - strengths[k] * friction[k, 0] * kept) / stiff
+                y = (loads[sample, k, 1] - bends[k, 1] - strengths[k] * friction[k, 1] * kept) / stiff
+                before, way = way, np.hypot(x, y)
+            kept = np.exp(-way / reach)
+            slope = reach * (1.0 - kept) / way if way > 0.0 else 1.0
+            bends[k, 0] += x
+            bends[k, 1] += y
+            friction[k, 0] = friction[k, 0] * kept + slope * x
+            friction[k, 1] = friction[k, 1] * kept + slope * y
+            out[sample, k] = bends[k]
     return out
 
 
@@ -109,8 +131,8 @@ HYSTERESIS = Effect(
     ),
     places=whole_and_segments,
     act=hysteresis,
-    statement="The material of {where} has hysteresis: after each reversal its bend lags behind the load by "
-    "up to {strength:percent} of {reach}, at any rate.",
+    statement="The material of {where} has hysteresis: after each reversal friction adds {strength:percent} "
+    "to its stiffness until the bend has changed by about {reach}, at any rate.",
     source="Y. K. Wen, J. Eng. Mech. 102 (1976) 249; M. Ismail et al., Arch. Comput. Meth. Eng. 16 (2009)",
     equivalence=("memory_at_one_rate",),
     needs=frozenset({"two_rates", "two_amplitudes"}),
