@@ -31,7 +31,7 @@ def test_what_leaves_no_trace_has_no_limit() -> None:
 def test_a_longer_recording_must_gain_more_and_a_search_that_finds_much_by_chance_too() -> None:
     assert required_gain(7.0, 2, 5.0, 100.0) == CERTAIN + 14.0
     assert required_gain(7.0, 2, 90.0, 100.0) == 104.0
-    assert required_gain(7.0, 2, 5.0, 1e5) == pytest.approx(2500.0)
+    assert required_gain(7.0, 2, 5.0, 25e3) == pytest.approx(2500.0)
 
 
 def diagnosed(gain: float) -> Diagnosis:

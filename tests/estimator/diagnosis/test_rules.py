@@ -18,10 +18,11 @@ from softarm.estimator.diagnosis.candidates import (
     includes,
     is_distinguishable,
     plainest_first,
+    restates,
     surprise,
 )
 from softarm.estimator.diagnosis.choose import DELAY_SHARE, SECOND, Search
-from softarm.estimator.diagnosis.conclude import unproven
+from softarm.estimator.diagnosis.conclude import lost_by_chance, unproven
 from softarm.estimator.diagnosis.diagnose import Decision
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Folds
@@ -167,7 +168,7 @@ def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted(
         predicted=lambda one, _: FoldCosts(none, none, none, none, gains[one.number]),
         only_moves=lambda _: False,
     )
-    fits = [fit_of("tip_payload", 0.01), fit_of("line_leak", 0.1, 1.0), fit_of("tip_payload", 0.01)]
+    fits = [fit_of("tip_payload", 0.01), fit_of("line_leak", 0.1, 0.1, 1.0), fit_of("tip_payload", 0.01)]
     field = [candidate(fit, 100.0 - 10.0 * number, number) for number, fit in enumerate(fits)]
     likely = Search.likely(cast("Any", search), field, None)
     assert [one.number for one in likely] == [2, 1]
@@ -387,20 +388,17 @@ def chosen(*fits: Fit, gain: float = 100.0) -> ChosenEffects:
 
 
 @pytest.mark.parametrize(
-    ("law", "named", "joint", "probability", "outdoes"),
+    ("law", "named", "probability", "outdoes"),
     [
-        (1000.0, 400.0, 1050.0, 0.96, True),
-        (1000.0, 700.0, 1050.0, 0.99, True),  # foreign physics that a name resembles
-        (1000.0, 900.0, 1050.0, 0.9, False),  # more, but not in all recordings
-        (1000.0, 400.0, 1200.0, 0.99, False),  # the effects predict what the law does not: a part has a name
-        (400.0, 1000.0, 1010.0, 0.0, False),
-        (CERTAIN - 1.0, 0.0, CERTAIN - 1.0, 0.99, False),
+        (1000.0, 400.0, 0.96, True),
+        (1000.0, 700.0, 0.99, True),  # foreign physics that a name resembles
+        (1000.0, 900.0, 0.9, False),  # more, but not in all recordings
+        (400.0, 1000.0, 0.0, False),
+        (CERTAIN - 1.0, 0.0, 0.99, False),
     ],
 )
-def test_a_law_outdoes_effects_that_it_is_credible_against_and_that_add_little(
-    law, named, joint, probability, outdoes
-):
-    assert UnnamedLaw(law, named, joint, probability, ("tip_payload",), Place(), "").outdoes is outdoes
+def test_a_law_outdoes_effects_where_it_is_credible_that_it_acts_alone(law, named, probability, outdoes):
+    assert UnnamedLaw(law, named, law, probability, ("tip_payload",), Place(), "").outdoes is outdoes
 
 
 @pytest.mark.parametrize(
@@ -568,6 +566,32 @@ def test_a_law_includes_a_plainer_one_that_is_part_of_it():
     assert not includes(soft, creep)
     assert not includes(fitted("viscoelastic_creep", lower, 0.02, 2.0, 0.4), soft)
     assert not includes(fitted("viscoelastic_creep", upper, 0.02, 2.0, 0.9 * TOLD * 1e-3), soft)
+
+
+def test_a_law_that_says_no_more_than_a_plainer_one_restates_it():
+    """A leak that loses nothing is a late line."""
+    place = Place(chamber=1)
+
+    def leak(share: float) -> Fit:
+        return replace(fit_of("line_leak", share, 0.2, 1.0), hypotheses=(hypothesis("line_leak", place),))
+
+    late = replace(fit_of("line_lag", 0.2), hypotheses=(hypothesis("line_lag", place),))
+    elsewhere = replace(fit_of("line_lag", 0.2), hypotheses=(hypothesis("line_lag", Place(chamber=2)),))
+    assert restates(leak(0.9 * TOLD * 1e-3), late)
+    assert not restates(leak(1.1 * TOLD * 1e-3), late)
+    assert not restates(leak(0.0), elsewhere)
+    assert not restates(late, leak(0.0))
+
+
+def test_stretches_in_which_an_effect_hardly_shows_may_by_chance_gain_less_than_nothing():
+    """The gain of an effect that acts is normal with mean g and deviation 2 sqrt(g)."""
+    expected = np.array([60.0, 5.0, 1.0])
+    assert lost_by_chance(expected, [0, 1, 2]) == 0.0
+    assert lost_by_chance(expected, [2]) == pytest.approx(3.0)
+    assert lost_by_chance(expected, [1, 2, 2]) == pytest.approx(4.0 * 9.0**0.5 - 7.0)
+    gains = expected + 2.0 * np.sqrt(expected) * np.random.default_rng(5).normal(size=(20000, 3))
+    for number in (1, 2):
+        assert (gains[:, number] + lost_by_chance(expected, [number]) < 0.0).mean() < 0.03
 
 
 def test_something_present_does_not_pull_where_it_can_only_push():

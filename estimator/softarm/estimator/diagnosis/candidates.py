@@ -130,3 +130,19 @@ def includes(richer: Fit, plain: Fit) -> bool:
             alike = sign * value * float(plain.thetas[-1][0]) > 0.0
             return alike and bool(abs(parameter.scaled(value)) >= TOLD * std)
     return False
+
+
+def restates(richer: Fit, plain: Fit) -> bool:
+    """Return whether a fitted law states a plainer one and nothing else that is distinguishable from zero."""
+    number = len(richer.hypotheses) - 1
+    others = [
+        abs(parameter.scaled(value)) >= TOLD * std
+        for parameter, value, std in zip(
+            richer.hypotheses[-1].effect.parameters,
+            richer.thetas[-1].tolist(),
+            richer.scaled_stds(number).tolist(),
+            strict=True,
+        )
+        if parameter.role == "amplitude" and (parameter.alone or ("",))[0] != plain.hypotheses[-1].name
+    ]
+    return includes(richer, plain) and not any(others)

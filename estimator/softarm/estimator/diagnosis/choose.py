@@ -15,6 +15,7 @@ from softarm.estimator.diagnosis.candidates import (
     ChosenEffects,
     is_distinguishable,
     plainest_first,
+    restates,
     surprise,
 )
 from softarm.estimator.diagnosis.evidence import RegressionProblem
@@ -278,8 +279,10 @@ class Search:
         """List what may be accepted: the most probable candidates, and those that come close to them.
 
         What changes the arm at rest comes first, then what has fewer parameters, then what is more probable.
+        A law that says no more than a plainer one is left out.
         """
         able = [one for one in field if one.delta_bic >= LEAST_BIC and not one.fit.at_bound]
+        able = [one for one in able if not any(restates(one.fit, other.fit) for other in able)]
         if not able:
             return []
         costs = [self.predicted(one, fit) for one in able]

@@ -18,7 +18,7 @@ import numpy as np
 from softarm.estimator.diagnosis.candidates import MOST_SURPRISE
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.gaussian import Marginal
-from softarm.estimator.diagnosis.judge import CERTAIN, EXPLAINABLE, FALSE_ALARM, MATERIAL
+from softarm.estimator.diagnosis.judge import CERTAIN, FALSE_ALARM, MATERIAL, least_explainable
 from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.result import DetectionLimit
 from softarm.estimator.diagnosis.screen import INVISIBLE, null_scores
@@ -42,13 +42,14 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
     # A generator of its own: the limits must not change what is drawn after them.
     null = null_scores(evidence, marginal, np.random.default_rng(0))
     chance = float(np.quantile(null, 1.0 - FALSE_ALARM))
+    explainable = least_explainable(marginal.cost, marginal.count)
     sizes: dict[tuple[int, int], list[float]] = {}
     for column, direction in enumerate(library.directions):
         if direction.parameter < 0:
             continue
         effect = library.hypotheses[direction.hypothesis].effect
         column_index = evidence.nuisances + column
-        least = required_gain(search.bic_penalty, len(effect.parameters), chance, marginal.count)
+        least = required_gain(search.bic_penalty, len(effect.parameters), chance, explainable)
         spread = effect.parameters[direction.parameter].spread / direction.typical
         size = limit(float(marginal.matrix[column_index, column_index]), least, spread) * direction.typical
         sizes.setdefault((direction.hypothesis, direction.parameter), []).append(size)
@@ -62,16 +63,16 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
     )
 
 
-def required_gain(bic_penalty: float, parameters: int, chance: float, count: float) -> float:
+def required_gain(bic_penalty: float, parameters: int, chance: float, explainable: float) -> float:
     """Compute the gain in cost from which an effect is accepted, whatever its size is expected to be.
 
     Args:
         bic_penalty: What each parameter costs.
         parameters: Number of parameters.
         chance: Score, after the penalty, that 99 % of searches without any effect stay below.
-        count: Effective number of residuals.
+        explainable: What counts as explainable at least.
     """
-    return max(max(CERTAIN, chance) + bic_penalty * parameters, MATERIAL * EXPLAINABLE * count)
+    return max(max(CERTAIN, chance) + bic_penalty * parameters, MATERIAL * explainable)
 
 
 def limit(information: float, gain: float, spread: float) -> float:

@@ -15,7 +15,7 @@ ANY_SIZE = 100.0
 MATERIAL = 0.10
 """Share of the explainable mismatch that an effect must remove."""
 EXPLAINABLE = 0.25
-"""Share of the scatter that counts as explainable at least."""
+"""Share of what scatters, or of the noise if that is less, that counts as explainable at least."""
 REPEATABLE = 1.0
 """Or root mean square of its change over the scatter of the residuals."""
 FALSE_ALARM = 0.01
@@ -116,7 +116,7 @@ def judge(costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic
         delta_bic: Of the candidate.
     """
     before, after, count = costs.before.sum(), costs.after.sum(), costs.counts.sum()
-    explainable = max(float(before - count), EXPLAINABLE * float(count))
+    explainable = max(float(before - count), least_explainable(float(before), float(count)))
     return Judgement(
         float(np.sqrt(before / count)),
         float(np.sqrt(after / count)),
@@ -126,6 +126,18 @@ def judge(costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic
         search_p,
         delta_bic,
     )
+
+
+def least_explainable(cost: float, count: float) -> float:
+    """Return what counts as explainable of residuals that are no larger than their noise.
+
+    What all recordings have in common has taken its part of them, so they may be much smaller.
+
+    Args:
+        cost: Weighted squares that are left of them.
+        count: Effective number of samples.
+    """
+    return EXPLAINABLE * min(cost, count)
 
 
 def bootstrap(

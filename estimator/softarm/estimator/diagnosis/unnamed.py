@@ -29,7 +29,7 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Combinations, NewFolds
 from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
-from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN, MATERIAL
+from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN
 from softarm.estimator.diagnosis.nominal import background_of, changed_prior, predictive
 from softarm.estimator.diagnosis.normal_equations import NewColumns, Total, added
 from softarm.estimator.diagnosis.probability import CREDIBLE, density, pseudo_bma
@@ -107,7 +107,7 @@ class UnnamedLaw:
         gain: Twice the logarithm of the odds on it against nothing, each recording predicted from the others.
         named_gain: The same of the accepted effects.
         joint_gain: The same of both together.
-        probability: How probable it is that it acts and not the effects.
+        probability: How probable it is that it acts without the effects.
         nearest: Names of the effects.
         place: Where it acts.
         regime: What it varies with; empty where that may be anything.
@@ -123,12 +123,8 @@ class UnnamedLaw:
 
     @property
     def outdoes(self) -> bool:
-        """Whether the law is credible against the effects, and they predict hardly anything beside it."""
-        return (
-            self.probability >= CREDIBLE
-            and self.gain > CERTAIN
-            and self.joint_gain - self.gain < MATERIAL * self.joint_gain
-        )
+        """Whether it is credible that the law acts alone."""
+        return self.probability >= CREDIBLE and self.gain > CERTAIN
 
     def sentence(self) -> str:
         """Say how far the known effects fall short of it."""
@@ -233,7 +229,7 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         effects = _log_densities(named, shown.known, of_any_size) - price
         both = _log_densities(joint, shown.known, shown.changed.augment(0.0, ANY_SIZE)) - price
         named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (effects, both))
-        densities.append(effects)
+        densities += [effects, both]
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
     nearest = () if fit is None else tuple(hypothesis.name for hypothesis in fit.hypotheses)
     return UnnamedLaw(gain, named_gain, joint_gain, probability, nearest, law.place, law.regime)
