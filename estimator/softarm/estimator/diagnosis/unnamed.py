@@ -4,12 +4,12 @@ A law bends segments, or lets chambers push otherwise, by functions that state n
 segment's own bend or of a chamber's pressure, alike for all directions and chambers; or, where nothing is
 alike, a Gaussian process of all pressures and bends, as they are and as they fade, and of the clock, in its
 largest components at some of the states (Williams and Seeger, Advances in Neural Information Processing
-Systems 13 (2001) 682). The likeliest law competes with the effects that were accepted by what each predicts
-of recordings that it was not fitted to: where the law is credible against them, and they predict hardly
-anything beside it, what was left out is not in the library, and the nearest name would be wrong. A name is
-right only if the library contains what acts: its probability is that of its rivals in the library times that
-no law without a name acts instead (Bernardo and Smith, Bayesian Theory (1994), section 6.1, on sets of models
-that may be incomplete).
+Systems 13 (2001) 682). The likeliest law competes with the effects that were accepted, and with both acting
+together, by what each predicts of recordings that it was not fitted to. Where it is credible that the law
+acts alone, what was left out is not in the library, and the nearest name would be wrong. A name is right only
+if the library contains what acts: its probability is that of its rivals in the library times that no law
+without a name acts instead (Bernardo and Smith, Bayesian Theory (1994), section 6.1, on sets of models that
+may be incomplete).
 
 The library's columns do not stand for a law, so what nominal recordings have of one is learnt from these:
 only a change of it counts. The process is not compared so. It is wide enough that whatever has changed
@@ -50,9 +50,15 @@ SHARES = (0.03, 0.1, 0.3, 1.0)
 """Sizes of the hinges that are tried: standard deviation of a change of slope, in that without the law."""
 KNOTS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
 """Where hinges are, as shares of the largest bend or pressure."""
+LAWS_OF_BEND: frozenset[EffectName] = frozenset({"material_softening", "material_stiffening"})
+"""Effects that state how a segment's stiffness changes with its bend. The hinges of that bend state the same,
+in a free form: they are no rival of such an effect in its own segment."""
 POINTS = 300
 """States at which the process is known, spread over all recordings in question."""
 
+
+BEND = "pose"
+"""What hinges of a segment's bend vary with."""
 
 Columns = Callable[[Stage], Floats]
 
@@ -209,13 +215,16 @@ def _bends(stage: Stage) -> Floats:
 
 
 def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
-    """Let the likeliest law without a name compete with accepted effects, with both together and nothing.
+    """Let the likeliest law without a name compete with accepted effects, both together, and nothing.
 
     Args:
         search: The search.
         fit: The accepted effects together; ``None`` where there are none.
     """
-    shown = likeliest_law(search, smooth=search.evidence.has_nominal and fit is not None)
+    stated = () if fit is None else tuple(h.place for h in fit.hypotheses if h.name in LAWS_OF_BEND)
+    smooth = search.evidence.has_nominal and fit is not None
+    of_each_size = likeliest_law(search, smooth=smooth, stated=stated)
+    shown = of_each_size[0]
     law = shown.law
     nothing = _log_densities(shown.without(), shown.known, shown.known)
     densities = [_log_densities(shown.shown, shown.known, shown.changed), nothing]
@@ -225,9 +234,10 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
         joint = _with_effects(search, shown, fit)
         named = joint.selected([*range(len(shown.known.mean)), len(shown.changed.mean)])
-        of_any_size = shown.known.augment(0.0, ANY_SIZE)
-        effects = _log_densities(named, shown.known, of_any_size) - price
-        both = _log_densities(joint, shown.known, shown.changed.augment(0.0, ANY_SIZE)) - price
+        effects = _log_densities(named, shown.known, shown.known.augment(0.0, ANY_SIZE)) - price
+        # Beside effects a law may be smaller: what they get wrong, and not all that has changed.
+        beside = max(of_each_size, key=lambda one: predictive(_of_any_size(one), joint.whole, 1.0))
+        both = _log_densities(joint, beside.known, _of_any_size(beside)) - price
         named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (effects, both))
         densities += [effects, both]
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
@@ -250,7 +260,7 @@ def unnamed_probability(search: Search, changed: float) -> float:
         for key, one in search.tried.items()
         if len(key) == 1 and one is not None and not one.fit.at_bound
     ]
-    law = likeliest_law(search, smooth=False)
+    law = likeliest_law(search, smooth=False)[0]
     folds, fraction = search.folds(None), search.weights.effective_sample_fraction
     plain = NewFolds(
         folds.whole.data,
@@ -268,16 +278,30 @@ def unnamed_probability(search: Search, changed: float) -> float:
     return min(float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum()), 1.0)
 
 
-def likeliest_law(search: Search, *, smooth: bool) -> LawEvidence:
-    """Return the law, and its size, under which the recordings in question are likeliest.
+def _of_any_size(shown: LawEvidence) -> Gaussian:
+    """Return the prior of a law and of effects beside it."""
+    return shown.changed.augment(0.0, ANY_SIZE)
+
+
+def likeliest_law(search: Search, *, smooth: bool, stated: Sequence[Place] = ()) -> list[LawEvidence]:
+    """Return the law under which the recordings in question are likeliest, at its likeliest size first.
 
     Args:
         search: The search.
         smooth: Whether it may be any smooth law. What a model gets wrong of an arm that is well is one too:
             alone, or where no nominal recording shows that arm, it is no sign that something is missing.
+        stated: Places of accepted effects of ``LAWS_OF_BEND``.
     """
-    tried = [shown for law in laws(search, smooth=smooth) for shown in _law_evidence(search, law)]
-    return max(tried, key=lambda one: predictive(one.changed, one.shown.whole, 1.0))
+
+    def likelihood(shown: LawEvidence) -> float:
+        return predictive(shown.changed, shown.shown.whole, 1.0)
+
+    tried = [
+        sorted(_law_evidence(search, law), key=likelihood, reverse=True)
+        for law in laws(search, smooth=smooth)
+        if law.regime != BEND or not ({Place(), law.place} & set(stated))
+    ]
+    return max(tried, key=lambda of_each_size: likelihood(of_each_size[0]))
 
 
 def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:
@@ -327,7 +351,7 @@ def laws(search: Search, *, smooth: bool) -> list[Law]:
     for index, segment in enumerate(stages[0].world.segments):
         largest = max(float(np.linalg.norm(_bends(stage)[:, index], axis=-1).max()) for stage in stages)
         knotted = partial(by_bend, segment=index, knots=KNOTS * largest)
-        listed.append(Law(Place(segment=segment), "pose", knotted, SHARES))
+        listed.append(Law(Place(segment=segment), BEND, knotted, SHARES))
     if stages[0].session.pressures.shape[1]:
         alone = partial(by_pressure, knots=KNOTS[1:] * highest)
         together = partial(by_neighbours, highest=highest)
