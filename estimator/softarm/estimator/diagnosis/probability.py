@@ -4,6 +4,10 @@ The odds of a noise model are far too sure of themselves as soon as every explan
 much of that sureness is real shows in how the folds of the recordings differ (Vuong, Econometrica 57 (1989)
 307): each explanation is weighted by its density of folds that are themselves weighted at random
 (pseudo-BMA+: Yao, Vehtari, Simpson and Gelman, Bayesian Anal. 13 (2018) 917, section 3.4).
+
+What one law gets wrong of a strong effect, all folds agree on. So the densities count with a power a / (a +
+g), g the gain of the best, as for data that are only known to be close to their law (coarsened posterior:
+Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113): no sureness comes from a hundredth of the gain.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,7 +16,7 @@ import numpy as np
 from scipy.special import softmax
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.candidates import Candidate
+from softarm.estimator.diagnosis.candidates import ALIKE, ALIKE_SHARE, Candidate, surprise
 from softarm.estimator.diagnosis.judge import FoldCosts
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -20,6 +24,8 @@ Explanation = tuple[EffectName, Place]
 
 CREDIBLE = 0.95
 """Probability, together, of the explanations that data cannot distinguish: the convention for intervals."""
+COARSE = ALIKE / ALIKE_SHARE
+"""Gain in cost from which a hundredth of it counts as little as it should, a."""
 DRAWS = 2000
 """Random weightings of the folds: a probability is then good to a hundredth."""
 
@@ -49,19 +55,21 @@ def density(candidate: Candidate, costs: FoldCosts, bic_penalty: float) -> Float
 
 
 def spent(candidate: Candidate, bic_penalty: float) -> float:
-    """Return the cost of a candidate's parameters, which all folds have fitted."""
-    return bic_penalty * len(candidate.fit.thetas[-1])
+    """Return what a candidate's parameters cost: all folds have fitted them, and their size may surprise."""
+    return bic_penalty * len(candidate.fit.thetas[-1]) + surprise(candidate.fit)
 
 
 def pseudo_bma(densities: Floats, rng: np.random.Generator) -> Floats:
     """Return the weights of explanations by Bayesian bootstrap over folds, shape (explanations,).
 
     Args:
-        densities: Logarithm of the density of each fold under each explanation, up to a term that all share,
-            shape (folds, explanations).
+        densities: Logarithm of the density of each fold under each explanation over that where nothing is
+            missing, shape (folds, explanations).
         rng: Of the weightings of the folds.
     """
     folds = len(densities)
+    gain = 2.0 * float(densities.sum(axis=0).max(initial=0.0))
+    densities = densities * COARSE / (COARSE + gain)
     weightings = folds * rng.dirichlet(np.ones(folds), DRAWS)
     return np.asarray(softmax(weightings @ densities, axis=1).mean(axis=0))
 

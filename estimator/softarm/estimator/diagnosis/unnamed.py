@@ -227,18 +227,18 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     shown = of_each_size[0]
     law = shown.law
     nothing = _log_densities(shown.without(), shown.known, shown.known)
-    densities = [_log_densities(shown.shown, shown.known, shown.changed), nothing]
-    gain = joint_gain = 2.0 * float((densities[0] - nothing).sum())
+    densities = [_log_densities(shown.shown, shown.known, shown.changed) - nothing, np.zeros_like(nothing)]
+    gain = joint_gain = 2.0 * float(densities[0].sum())
     named_gain = 0.0
     if fit is not None:
         price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
         joint = _with_effects(search, shown, fit)
         named = joint.selected([*range(len(shown.known.mean)), len(shown.changed.mean)])
-        effects = _log_densities(named, shown.known, shown.known.augment(0.0, ANY_SIZE)) - price
+        effects = _log_densities(named, shown.known, shown.known.augment(0.0, ANY_SIZE)) - price - nothing
         # Beside effects a law may be smaller: what they get wrong, and not all that has changed.
         beside = max(of_each_size, key=lambda one: predictive(_of_any_size(one), joint.whole, 1.0))
-        both = _log_densities(joint, beside.known, _of_any_size(beside)) - price
-        named_gain, joint_gain = (2.0 * float((one - nothing).sum()) for one in (effects, both))
+        both = _log_densities(joint, beside.known, _of_any_size(beside)) - price - nothing
+        named_gain, joint_gain = (2.0 * float(one.sum()) for one in (effects, both))
         densities += [effects, both]
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
     nearest = () if fit is None else tuple(hypothesis.name for hypothesis in fit.hypotheses)
