@@ -43,6 +43,7 @@ from softarm.estimator.diagnosis.normal_equations import (
     normal_equations,
     with_columns,
 )
+from softarm.estimator.diagnosis.probability import CREDIBLE, probabilities
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.sizes import fragments
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
@@ -175,6 +176,26 @@ def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted(
     bound = [replace(one, fit=replace(one.fit, at_bound=one.number == 2)) for one in field]
     assert [one.number for one in Search.likely(cast("Any", search), bound, None)] == [1]
     assert Search.likely(cast("Any", search), [], None) == []
+
+
+@pytest.mark.parametrize(("least", "sure"), [(0.0, True), (4000.0, False)])
+def test_a_hundredth_of_the_gain_makes_nobody_sure(least, *, sure):
+    """A law that is a tenth wrong leaves as much in all folds; the same gain over nothing decides."""
+    none = np.full(5, 400.0)
+    costs = [FoldCosts(none, none, none, none, np.full(5, total / 5)) for total in (least, least + 40.0)]
+    field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
+    likelier = probabilities(field, costs, 5.0, np.random.default_rng(0))[1]
+    assert (likelier > CREDIBLE) is sure
+    assert likelier > 0.5
+
+
+def test_an_unlikely_size_makes_an_explanation_less_probable():
+    none = np.full(5, 400.0)
+    costs = [FoldCosts(none, none, none, none, np.full(5, 20.0))] * 2
+    spread = EFFECTS["tip_payload"].parameters[0].spread
+    field = [candidate(fit_of("tip_payload", size * spread), 100.0, 0) for size in (0.1, 2.0)]
+    usual, unlikely = probabilities(field, costs, 5.0, np.random.default_rng(0))
+    assert usual > 5.0 * unlikely
 
 
 def test_the_natural_frequency_counts_where_the_arm_at_rest_looks_alike():

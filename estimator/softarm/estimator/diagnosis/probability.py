@@ -5,9 +5,9 @@ much of that sureness is real shows in how the folds of the recordings differ (V
 307): each explanation is weighted by its density of folds that are themselves weighted at random
 (pseudo-BMA+: Yao, Vehtari, Simpson and Gelman, Bayesian Anal. 13 (2018) 917, section 3.4).
 
-What one law gets wrong of a strong effect, all folds agree on. So the densities count with a power a / (a +
-g), g the gain of the best, as for data that are only known to be close to their law (coarsened posterior:
-Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113): no sureness comes from a hundredth of the gain.
+What one law gets wrong of a strong effect, all folds agree on. So the densities of candidates count with a
+power a / (a + g), g the gain of the best, as for data that are only known to be close to their law (coarsened
+posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113): no sureness comes from a hundredth of it.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,8 +41,10 @@ def probabilities(
         bic_penalty: Cost of a parameter.
         rng: Of the weightings of the folds.
     """
-    densities = [density(one, own, bic_penalty) for one, own in zip(candidates, costs, strict=True)]
-    return pseudo_bma(np.column_stack([*densities, np.zeros_like(densities[0])]), rng)[:-1]
+    found = [density(one, own, bic_penalty) for one, own in zip(candidates, costs, strict=True)]
+    densities = np.column_stack([*found, np.zeros_like(found[0])])
+    gain = 2.0 * float(densities.sum(axis=0).max())
+    return pseudo_bma(densities * COARSE / (COARSE + gain), rng)[:-1]
 
 
 def density(candidate: Candidate, costs: FoldCosts, bic_penalty: float) -> Floats:
@@ -63,13 +65,11 @@ def pseudo_bma(densities: Floats, rng: np.random.Generator) -> Floats:
     """Return the weights of explanations by Bayesian bootstrap over folds, shape (explanations,).
 
     Args:
-        densities: Logarithm of the density of each fold under each explanation over that where nothing is
-            missing, shape (folds, explanations).
+        densities: Logarithm of the density of each fold under each explanation, up to a term that all share,
+            shape (folds, explanations).
         rng: Of the weightings of the folds.
     """
     folds = len(densities)
-    gain = 2.0 * float(densities.sum(axis=0).max(initial=0.0))
-    densities = densities * COARSE / (COARSE + gain)
     weightings = folds * rng.dirichlet(np.ones(folds), DRAWS)
     return np.asarray(softmax(weightings @ densities, axis=1).mean(axis=0))
 
