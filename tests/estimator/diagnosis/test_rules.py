@@ -185,7 +185,7 @@ def test_a_hundredth_of_the_gain_makes_nobody_sure(least, *, sure):
     costs = [FoldCosts(none, none, none, none, np.full(5, total / 5)) for total in (least, least + 40.0)]
     field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
     likelier = probabilities(field, costs, 5.0, np.random.default_rng(0))[1]
-    assert (likelier > CREDIBLE) is sure
+    assert bool(likelier > CREDIBLE) is sure
     assert likelier > 0.5
 
 
