@@ -66,6 +66,25 @@ def test_finds_moduli_gains_and_axes_wherever_they_point(sopra: Specimen, mirror
     assert all(found.check.held_out[name] < 0.05 * found.check.before[name] for name in found.check.held_out)
 
 
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_an_axis_of_a_bend_that_was_never_read_changes_no_calibration(
+    sopra: Specimen, mirrored: bool
+) -> None:
+    recording = record(mirrored=mirrored)
+    lost = np.full(len(recording.time), np.nan)
+    blind = replace(recording, columns={**recording.columns, "bend_tip_x_rad": lost})
+    found = calibrate(NodeByNode(toy()), sopra, [arrange(blind, sopra, SECTIONS)], QUICK)
+    after = calibrated_specimen(sopra, found).calibration
+    truth = true_specimen(mirrored).calibration
+    for name, scale in SCALES.items():
+        assert abs(after.modulus_scale[name].value - scale) < 3 * after.modulus_scale[name].std + 0.01
+    for section in ("intermediate", "tip"):
+        assert after.bend(section).mirrored is mirrored
+        assert after.bend(section).rotation_rad.value == pytest.approx(
+            truth.bend(section).rotation_rad.value, abs=0.02
+        )
+
+
 def calibrated_by_pulls(sopra: Specimen, *recordings: Recording) -> Calibrated:
     loads = section_forces(sopra)
     runs = [arrange(one, sopra, SECTIONS, loads) for one in recordings]
@@ -275,8 +294,10 @@ def test_held_out_nodes_begin_at_the_state_of_the_most_similar_solved_node(sopra
 
 
 @pytest.mark.parametrize("lag", [-0.1, 0.0, 0.15])
-def test_the_lag_between_the_clocks_is_found(sopra: Specimen, lag: float) -> None:
+@pytest.mark.parametrize("lost", [(), (2,)])
+def test_the_lag_between_the_clocks_is_found(sopra: Specimen, lag: float, lost: tuple[int, ...]) -> None:
     run = arrange(record(lag=lag, rate=50.0), sopra, SECTIONS)
+    run.readings[:, list(lost)] = np.nan
     assert estimate_lag(run) == pytest.approx(lag, abs=0.02)
 
 

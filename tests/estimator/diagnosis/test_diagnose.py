@@ -57,6 +57,16 @@ def test_a_weak_chamber_is_named_and_placed(weak: DiagnosisOutcome) -> None:
     assert weak.diagnosis.heldout.after < weak.diagnosis.heldout.before
 
 
+def test_a_weak_chamber_is_found_without_an_axis_of_a_sensor(weak_sessions: list[Session]) -> None:
+    def blind(session: Session) -> Session:
+        readings = session.readings.copy()
+        readings[:, 2] = np.nan
+        return replace(session, readings=readings)
+
+    (finding,) = _diagnose([blind(session) for session in weak_sessions]).diagnosis.findings
+    assert (finding.effect, finding.where) == ("chamber_gain", Place(chamber=1))
+
+
 def test_a_name_is_as_probable_as_that_it_is_in_the_library(
     monkeypatch: pytest.MonkeyPatch, weak_sessions: list[Session], weak: DiagnosisOutcome
 ) -> None:

@@ -291,8 +291,13 @@ def _line(
         [run_nodes.readings - line.predict(run_nodes.pressures) for run_nodes in tested]
     )
     names = [f"{m.name}.{axis}" for m in suite.measurements for axis in range(m.size)]
-    values = np.sqrt(np.nanmean(residual**2, axis=0)).tolist()
-    return dict(zip(names, values, strict=True)), line.parameters
+    seen = [column[np.isfinite(column)] for column in residual.T]
+    errors = {
+        name: float(np.sqrt(np.mean(column**2)))
+        for name, column in zip(names, seen, strict=True)
+        if len(column)
+    }
+    return errors, line.parameters
 
 
 def _part(forward: Forward, flags: Sequence[Flags]) -> Forward:

@@ -34,15 +34,19 @@ class Line:
 
 
 def fit_line(pressures: Floats, readings: Floats) -> Line:
-    """Fit by least squares, samples with a lost value left out.
+    """Fit each reading by least squares, samples in which it was lost left out.
 
     Args:
         pressures: [Pa], shape (samples, chambers).
         readings: Shape (samples, readings).
     """
-    observed = np.isfinite(pressures).all(axis=1) & np.isfinite(readings).all(axis=1)
-    slopes, *_ = np.linalg.lstsq(_columns(pressures[observed]), readings[observed], rcond=None)
-    return Line(np.asarray(slopes, dtype=np.float64))
+    present, columns = np.isfinite(pressures).all(axis=1), _columns(pressures)
+    slopes = np.full((columns.shape[1], readings.shape[1]), np.nan)
+    for values, slope in zip(readings.T, slopes.T, strict=True):
+        observed = present & np.isfinite(values)
+        if observed.any():
+            slope[:], *_ = np.linalg.lstsq(columns[observed], values[observed], rcond=None)
+    return Line(slopes)
 
 
 def estimate_lag(run: CalibrationRun) -> float | None:
@@ -50,7 +54,7 @@ def estimate_lag(run: CalibrationRun) -> float | None:
 
     The lag of the clocks and that of the arm's own inertia add up; a static model wants both gone.
     """
-    moving = np.isfinite(run.readings).all(axis=1) & np.isfinite(run.pressures).all(axis=1)
+    moving = np.isfinite(run.readings).any(axis=1) & np.isfinite(run.pressures).all(axis=1)
     if moving.sum() < FEWEST_SAMPLES or not (np.nanstd(run.pressures, axis=0) > 0).any():
         return None
     lags = np.arange(-LONGEST_LAG, LONGEST_LAG + LAG_STEP / 2, LAG_STEP)
@@ -63,12 +67,13 @@ def estimate_lag(run: CalibrationRun) -> float | None:
 
 def _unexplained(run: CalibrationRun) -> float:
     """Return the share of the readings' variance that a line leaves, each reading over its own."""
-    observed = np.isfinite(run.readings).all(axis=1) & np.isfinite(run.pressures).all(axis=1)
-    readings = run.readings[observed]
-    residual = readings - fit_line(run.pressures[observed], readings).predict(run.pressures[observed])
-    variance = readings.var(axis=0)
-    moving = variance > 0
-    return float((residual[:, moving].var(axis=0) / variance[moving]).mean()) if moving.any() else 1.0
+    shares = []
+    residuals = run.readings - fit_line(run.pressures, run.readings).predict(run.pressures)
+    for values, residual in zip(run.readings.T, residuals.T, strict=True):
+        observed = np.isfinite(residual)
+        if observed.any() and (variance := values[observed].var()) > 0.0:
+            shares.append(residual[observed].var() / variance)
+    return float(np.mean(shares)) if shares else 1.0
 
 
 def _lowest(lags: Floats, unexplained: Floats) -> float:

@@ -40,19 +40,23 @@ def fit_axes(predicted: Floats, recorded: Floats, weights: Floats, mirrored: boo
 
     Args:
         predicted: The model's bends in its own axes [rad], shape (nodes, 2).
-        recorded: The recorded bends [rad], shape (nodes, 2).
+        recorded: The recorded bends [rad], NaN where lost, shape (nodes, 2).
         weights: Shape (nodes,).
         mirrored: The handedness.
     """
-    model = predicted[:, 0] + 1j * predicted[:, 1] * (-1.0 if mirrored else 1.0)
-    data = recorded[:, 0] + 1j * recorded[:, 1]
-    root = np.sqrt(weights)
-    columns = np.column_stack([model, np.ones_like(model)]) * root[:, None]
-    (factor, bias), *_ = np.linalg.lstsq(columns, data * root, rcond=None)
-    residual = data - factor * model - bias
-    rms = float(np.sqrt((weights * np.abs(residual) ** 2).sum() / max(2.0 * weights.sum(), 1e-12)))
-    offset = np.array([bias.real, bias.imag])
-    return AxesFit(mirrored, float(np.angle(factor)), float(np.abs(factor)), offset, rms)
+    # x' = c x - s y + b_x and y' = s x + c y + b_y: either axis alone tells c and s.
+    x, y = predicted[:, 0], predicted[:, 1] * (-1.0 if mirrored else 1.0)
+    one, none = np.ones_like(x), np.zeros_like(x)
+    columns = np.concatenate([np.column_stack([x, -y, one, none]), np.column_stack([y, x, none, one])])
+    data, doubled = recorded.T.ravel(), np.concatenate([weights, weights])
+    read = np.isfinite(data)
+    columns, data, doubled = columns[read], data[read], doubled[read]
+    root = np.sqrt(doubled)
+    (cosine, sine, *offset), *_ = np.linalg.lstsq(columns * root[:, None], data * root, rcond=None)
+    residual = data - columns @ np.array([cosine, sine, *offset])
+    rms = float(np.sqrt((doubled * residual**2).sum() / max(doubled.sum(), 1e-12)))
+    angle, gain = float(np.arctan2(sine, cosine)), float(np.hypot(cosine, sine))
+    return AxesFit(mirrored, angle, gain, np.array(offset), rms)
 
 
 def search_axes(suite: SensorSuite, nodes: Sequence[Nodes], frames: Sequence[Frames]) -> dict[str, AxesFit]:
@@ -76,9 +80,7 @@ def _fit_sensor(sensor: Bend, nodes: Sequence[Nodes], frames: Sequence[Frames], 
         part = run_nodes.run.suite.reading_slices.get(sensor.name)
         if part is None:
             continue
-        readings = run_nodes.readings[:, part]
-        present = np.isfinite(readings).all(axis=1)
-        predicted.append(plain.predict(observed)[present])
-        recorded.append(readings[present])
-        weights.append(run_nodes.weights[present])
+        predicted.append(plain.predict(observed))
+        recorded.append(run_nodes.readings[:, part])
+        weights.append(run_nodes.weights)
     return fit_axes(np.concatenate(predicted), np.concatenate(recorded), np.concatenate(weights), mirrored)

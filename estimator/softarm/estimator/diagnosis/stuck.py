@@ -220,7 +220,8 @@ def _still(time: Floats, shown: Floats, wanted: Floats) -> list[tuple[int, int]]
 
 def _range(values: Floats, width: int) -> Floats:
     """Give the largest range of any component in each window, shape (samples - width + 1,)."""
+    values = values[:, np.isfinite(values).any(axis=0)]
     filled = np.where(np.isfinite(values), values, np.nanmedian(values, axis=0))
     windows = np.lib.stride_tricks.sliding_window_view(filled, width, axis=0)
-    ranges: Floats = (windows.max(axis=-1) - windows.min(axis=-1)).max(axis=1)
+    ranges: Floats = (windows.max(axis=-1) - windows.min(axis=-1)).max(axis=1, initial=0.0)
     return ranges

@@ -50,11 +50,11 @@ def weights_of(
     for own, residual, sigma in zip(names, residuals, sigmas, strict=True):
         for index, name in enumerate(own):
             column = residual[:, index]
-            squares.setdefault(name, []).append(column[np.isfinite(column)] ** 2)
             floors[name] = max(floors.get(name, 0.0), float(sigma[index]))
-            lengths.append(correlation_length(column))
-    scale = {
-        name: max(float(np.sqrt(np.mean(np.concatenate(parts)))) if parts else 0.0, floors[name])
-        for name, parts in squares.items()
-    }
-    return Weights(scale, 1.0 / max(float(np.mean(lengths)), 1.0))
+            seen = column[np.isfinite(column)]
+            if len(seen):
+                squares.setdefault(name, []).append(seen**2)
+                lengths.append(correlation_length(column))
+    rms = {name: float(np.sqrt(np.mean(np.concatenate(parts)))) for name, parts in squares.items()}
+    scale = {name: max(rms.get(name, 0.0), floor) for name, floor in floors.items()}
+    return Weights(scale, 1.0 / max(float(np.mean(lengths)) if lengths else 1.0, 1.0))

@@ -6,14 +6,12 @@ pressures that the recording lacks, or by a hand; either way no law of the recor
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.stuck import ASKED
-from softarm.estimator.diagnosis.stuck import LEAST as LEAST_STILL
 from softarm.estimator.intake.grid import means
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.intake.streams import SampledStream, streams_of
@@ -74,27 +72,6 @@ def frozen_pressures(
         stretches.append((since, until))
         faults.append(RecordingFault(recording.name, "lost", ("pressures",), what, cure))
     return tuple(stretches), tuple(faults)
-
-
-def without_still_sensors(recording: Recording, specimen: Specimen) -> Recording:
-    """Lose what a sensor reads while it repeats one and the same number and pressures change.
-
-    Such a sensor stands still, which is a finding of the diagnosis and no event.
-    """
-    columns = dict(recording.columns)
-    pressures = [recording.pressure(k)[0] for k in recording.chambers]
-    for stream in streams_of(recording, specimen):
-        readings = recording.stack(stream.columns)
-        observed = np.flatnonzero(np.isfinite(readings).all(axis=1))
-        moves = (np.diff(readings[observed], axis=0) != 0.0).any(axis=1)
-        for part in np.split(observed, np.flatnonzero(moves) + 1):
-            if len(part) < 3 or recording.time[part[-1]] - recording.time[part[0]] < LEAST_STILL:
-                continue
-            if max((float(np.ptp(np.nan_to_num(p[part]))) for p in pressures), default=0.0) > ASKED:
-                for name in stream.columns:
-                    columns[name] = columns[name].copy()
-                    columns[name][part] = np.nan
-    return replace(recording, columns=columns)
 
 
 def _rests(recording: Recording) -> list[tuple[float, float]]:

@@ -11,7 +11,7 @@ from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.events import find_events
-from softarm.estimator.intake.frozen import frozen_pressures, without_still_sensors
+from softarm.estimator.intake.frozen import frozen_pressures
 from softarm.estimator.intake.labels import mend_labels
 from softarm.estimator.intake.limits import over_limit
 from softarm.estimator.intake.lost import mend_lost
@@ -19,6 +19,7 @@ from softarm.estimator.intake.mounts import check_mount
 from softarm.estimator.intake.result import Intake, RecordingFault, without_motion
 from softarm.estimator.intake.sections import mend_bends, mend_sections
 from softarm.estimator.intake.signs import mend_signs
+from softarm.estimator.intake.still import mend_still
 from softarm.estimator.intake.units import mend_units
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen
@@ -117,6 +118,7 @@ STEPS: tuple[Step, ...] = (
     mend_time,
     mend_units,
     mend_lost,
+    mend_still,
     mend_signs,
     mend_labels,
     mend_sections,
@@ -147,8 +149,7 @@ def take_in(recording: Recording, specimen: Specimen) -> Intake:
         return intake
     stretches = (*beyond, *frozen)
     driven = without_pressures(intake.recording, stuck_pressures(intake.recording), by_set_points=True)
-    seen = without_still_sensors(without_motion(driven, stretches), specimen)
-    events = find_events(seen, specimen)
+    events = find_events(without_motion(driven, stretches), specimen)
     return Intake(
         intake.recording,
         intake.mismatches,

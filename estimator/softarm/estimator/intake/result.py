@@ -9,7 +9,7 @@ import numpy as np
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 
-Kind = Literal["unit", "offset", "sign", "labels", "frame", "clock", "limit", "lost", "structure"]
+Kind = Literal["unit", "offset", "sign", "labels", "frame", "clock", "limit", "lost", "stuck", "structure"]
 NO_MISMATCH = ("limit", "lost")
 """Kinds that say which readings were left out, and nothing of frames, labels, units or clocks."""
 MOTION = ("bend_", "frame_", "marker_")
@@ -27,6 +27,7 @@ class RecordingFault:
         cure: What was done for this run, or what the user can do.
         mended: Whether the run was mended; otherwise it is refused.
         odds: Odds of this explanation against the next; infinite where there is no other.
+        interval: From when to when [s], where it does not concern the whole recording.
     """
 
     recording: str
@@ -36,6 +37,7 @@ class RecordingFault:
     cure: str
     mended: bool = True
     odds: float = np.inf
+    interval: tuple[float, float] | None = None
 
     @property
     def statement(self) -> str:

@@ -83,15 +83,17 @@ def event_finding(event: Disturbance) -> Finding:
 
 
 def mismatch_finding(mismatch: RecordingFault) -> Finding:
-    """Report a frame, label, unit or clock that was mended."""
+    """Report a sensor that stands still, or a frame, label, unit or clock that was mended."""
     one = mismatch.columns[0] if len(mismatch.columns) == 1 else None
     gain = float(np.log(min(mismatch.odds, SURE)))
+    stuck = mismatch.kind == "stuck" and mismatch.interval is not None
+    sensor, _, axis = (one or "").partition(".")
     return Finding(
-        "frame_mismatch",
-        Place(sensor=one),
-        "always",
+        "sensor_stuck" if stuck else "frame_mismatch",
+        Place(sensor=sensor or None, axis=axis or None),
+        "time of the run" if stuck else "always",
         mismatch.statement,
-        {},
+        {"since": Quantity(mismatch.interval[0], 0.1, "s")} if mismatch.interval else {},
         Evidence(gain, 0.0, 0.0, (0.0, 0.0), float("nan")),
         probability=1.0 - 1.0 / (1.0 + min(mismatch.odds, SURE)),
         recording=mismatch.recording,

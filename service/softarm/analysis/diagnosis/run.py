@@ -281,12 +281,11 @@ def _step(session: Session, frequency: float | None) -> float:
 
 def ring_frequency(session: Session) -> float | None:
     """Find the frequency of a vibration of 1.5 to 15 Hz [Hz]; ``None`` where there is none."""
-    readings = session.readings
+    readings = session.readings[:, np.isfinite(session.readings).any(axis=0)]
     count = len(readings)
     if count < 64 or session.step > 0.03:
         return None
-    spread = np.nanstd(readings, axis=0)
-    column = readings[:, int(np.nanargmax(np.where(np.isfinite(spread), spread, 0.0)))]
+    column = readings[:, int(np.argmax(np.nanstd(readings, axis=0)))]
     rates = np.gradient(np.nan_to_num(column, nan=float(np.nanmean(column))))
     power = np.abs(np.fft.rfft(rates - rates.mean())) ** 2
     frequencies = np.fft.rfftfreq(count, session.step)

@@ -1,0 +1,264 @@
+"""Sensors, or single axes of bends, that stand still while the pressures and the rest of the arm move.
+
+A sensor that lives shows noise. Where one repeats a number for seconds although it shows noise at other
+times, or another one shows noise meanwhile, it stands still. Where it goes on showing noise, what it should
+see decides: chambers bend a section towards their azimuths a_k, so the drive v = sum_k p_k (cos a_k, sin a_k)
+becomes a bend B v, with B a gain times a rotation or a reflection. Each axis tells what the other should see.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.diagnosis.stuck import ASKED, LEAST, REPEATED
+from softarm.estimator.intake.grid import means, pressures_of
+from softarm.estimator.intake.result import RecordingFault
+from softarm.estimator.intake.streams import QUIET, SPREAD, SampledStream, streams_of
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen import Specimen
+
+WINDOW = 0.25
+"""Readings are averaged over so long [s] before they are compared: most of their noise goes."""
+DRIVEN = 0.5
+"""Share of its range over the run that the drive covers while a reading that shows noise stands still."""
+CLEAR = 10.0
+"""Times ``QUIET`` by which it should move meanwhile: the gains of an arm's segments and chambers differ by
+less."""
+EXPLAINED = 0.6
+"""Share of an axis' variance that the drive must explain for its gain to be known."""
+EXCITED = 0.2
+"""Directions in which the drive moves by less than this share of its strongest tell no gain."""
+
+
+@dataclass(frozen=True)
+class BendAxes:
+    """A bend and what drives it, averaged over windows.
+
+    Args:
+        values: Both axes [rad], NaN where lost, shape (windows, 2).
+        drive: v [Pa], shape (windows, 2).
+    """
+
+    values: Floats
+    drive: Floats
+
+    def gains(self) -> list[Floats | None]:
+        """Fit each axis' row of B [rad/Pa], shape (2,); ``None`` where v does not explain the axis."""
+        return [_gain(self.drive, values) for values in self.values.T]
+
+    def without(self, during: slice) -> "BendAxes":
+        """Lose the readings of some windows."""
+        values = self.values.copy()
+        values[during] = np.nan
+        return replace(self, values=values)
+
+    def wanted(self, axis: int, during: slice, bends: Sequence["BendAxes"]) -> float:
+        """Predict by how much the pressures should move an axis in some windows [rad], 0 where unknown.
+
+        The other axis predicts it; where that one stands still too, the weakest gain that a bend of the arm
+        shows at other times does, along the strongest direction of the drive.
+        """
+        other = self.values[during, 1 - axis]
+        if _spread(other) > QUIET["rad"]:
+            gain = self.gains()[1 - axis]
+            if gain is None:
+                return 0.0
+            motion = self.drive @ np.array([-gain[1], gain[0]])
+        else:
+            shown = [gain for bend in bends for gain in bend.without(during).gains() if gain is not None]
+            shown += [gain for bend in bends if bend is not self for gain in bend.gains() if gain is not None]
+            least = min((float(np.linalg.norm(gain)) for gain in shown), default=0.0)
+            motion = least * self.drive @ np.linalg.svd(self.drive - self.drive.mean(axis=0))[2][0]
+        inside = _spread(motion[during])
+        return inside if inside > DRIVEN * _spread(motion) else 0.0
+
+
+def _gain(drive: Floats, values: Floats) -> Floats | None:
+    seen = np.isfinite(values)
+    if seen.sum() < 5:
+        return None
+    causes, effects = (part[seen] - part[seen].mean(axis=0) for part in (drive, values))
+    left, sizes, right = np.linalg.svd(causes, full_matrices=False)
+    known = sizes > EXCITED * sizes[0]
+    gain: Floats = right[known].T @ (left[:, known].T @ effects / sizes[known])
+    unexplained = float(((effects - causes @ gain) ** 2).sum())
+    return gain if unexplained < (1.0 - EXPLAINED) * float((effects**2).sum()) else None
+
+
+def _spread(values: Floats) -> float:
+    """Return the range of most values, NaN where none was read."""
+    seen = values[np.isfinite(values)]
+    return float(np.ptp(np.percentile(seen, SPREAD))) if len(seen) else np.nan
+
+
+@dataclass(frozen=True)
+class Still:
+    """A sensor or one axis of it that stands still.
+
+    Args:
+        sensor: Name of the sensor.
+        axis: Axis of a bend; ``None`` for all of the sensor.
+        columns: What it reads.
+        rows: Samples in which it stands still.
+        reason: How that is known.
+    """
+
+    sensor: str
+    axis: str | None
+    columns: tuple[str, ...]
+    rows: Indices
+    reason: str
+
+    def fault(self, recording: Recording) -> RecordingFault:
+        """Name the sensor with its time and its reading."""
+        since, until = (float(recording.time[k]) for k in self.rows[[0, -1]])
+        values = [float(np.mean(recording.columns[name][self.rows])) for name in self.columns]
+        reading = (
+            " and ".join(f"{np.degrees(value):.1f}" for value in values) + " degrees"
+            if self.sensor.startswith("bend_")
+            else f"({', '.join(f'{1e3 * value:.0f}' for value in values[:3])}) mm"
+        )
+        name = f"{self.sensor}.{self.axis}" if self.axis else self.sensor
+        what = f"{name} stands still at {reading} from {since:.1f} to {until:.1f} s {self.reason}"
+        cure = "it is stuck and left out meanwhile"
+        return RecordingFault(recording.name, "stuck", (name,), what, cure, interval=(since, until))
+
+
+def mend_still(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Count as lost what sensors and axes read while they stand still, and name each."""
+    faults: list[RecordingFault] = []
+    for find in (_repeated, _unmoved):
+        columns = dict(recording.columns)
+        for one in _merged(find(recording, specimen), recording.time):
+            faults.append(one.fault(recording))
+            for name in one.columns:
+                columns[name] = columns[name].copy()
+                columns[name][one.rows] = np.nan
+        recording = replace(recording, columns=columns)
+    lost = {
+        name
+        for stream in streams_of(recording, specimen)
+        if faults and not np.isfinite(recording.stack(stream.columns)).any()
+        for name in stream.columns
+    }
+    kept = {name: values for name, values in recording.columns.items() if name not in lost}
+    return replace(recording, columns=kept), tuple(faults)
+
+
+def _merged(found: Sequence[Still], time: Floats) -> list[Still]:
+    """Join axes of a sensor that stand still at the same time."""
+    merged: list[Still] = []
+    for one in sorted(found, key=lambda one: (one.sensor, one.rows[0], one.axis or "")):
+        last = merged[-1] if merged else one
+        apart = np.abs(time[last.rows[[0, -1]]] - time[one.rows[[0, -1]]]).max()
+        if last.sensor == one.sensor and last.axis != one.axis and last.axis and apart < LEAST:
+            rows = np.union1d(last.rows, one.rows)
+            columns = tuple(sorted((*last.columns, *one.columns)))
+            merged[-1] = replace(last, axis=None, columns=columns, rows=rows)
+        else:
+            merged.append(one)
+    return merged
+
+
+def _repeated(recording: Recording, specimen: Specimen) -> list[Still]:
+    """Find readings that repeat a number while pressures change, though readings show noise."""
+    channels = [channel for stream in streams_of(recording, specimen) for channel in _channels(stream)]
+    pressures = pressures_of(recording)
+    return [
+        Still(sensor, axis, members, rows, "while other readings go on")
+        for sensor, axis, members in channels
+        for rows in _repeats(recording, members)
+        if np.ptp(pressures[rows], axis=0).max(initial=0.0) > ASKED
+        and (
+            _noisy(np.delete(recording.stack(members), rows, axis=0))
+            or any(_noisy(recording.stack(others)[rows]) for *_, others in channels if others != members)
+        )
+    ]
+
+
+def _channels(stream: SampledStream) -> Iterator[tuple[str, str | None, tuple[str, ...]]]:
+    """List what can stand still alone: the axes of a bend, else a body as a whole."""
+    if stream.kind == "bend":
+        yield from ((stream.name, axis, (c,)) for axis, c in zip("xy", stream.columns, strict=True))
+    else:
+        yield stream.name, None, stream.columns
+
+
+def _repeats(recording: Recording, members: tuple[str, ...]) -> Iterator[Indices]:
+    """List the stretches of at least ``LEAST`` seconds in which columns repeat their numbers."""
+    values = recording.stack(members)
+    seen = np.flatnonzero(np.isfinite(values).all(axis=1))
+    changes = (np.diff(values[seen], axis=0) != 0.0).any(axis=1)
+    for rows in np.split(seen, np.flatnonzero(changes) + 1):
+        if len(rows) >= 3 and recording.time[rows[-1]] - recording.time[rows[0]] >= LEAST:
+            yield rows
+
+
+def _noisy(values: Floats) -> bool:
+    """Return whether readings show noise: their second differences alternate, those of motion do not."""
+    bends = np.diff(values[np.isfinite(values).all(axis=1)], 2, axis=0)
+    products = np.where(np.abs(bends) > REPEATED, bends, 0.0)[1:] * bends[:-1]
+    alternate, go_on = ((sign * products > 0.0).sum() for sign in (-1.0, 1.0))
+    return bool(alternate > max(go_on, 0.1 * products.size))
+
+
+def _unmoved(recording: Recording, specimen: Specimen) -> list[Still]:
+    """Find axes of bends that show nothing but noise while their chambers should move them.
+
+    Bends beside frames are computed from them, and no sensors.
+    """
+    if len(recording.time) < 2:
+        return []
+    windows = ((recording.time - recording.time[0]) / WINDOW).astype(np.int64)
+    streams = [stream for stream in streams_of(recording, specimen) if stream.kind == "bend"]
+    streams = [stream for stream in streams if stream.target not in recording.frames]
+    bends = [
+        BendAxes(
+            means(stream.values, windows, int(windows[-1]) + 1),
+            means(_drive(recording, specimen, stream.target), windows, int(windows[-1]) + 1),
+        )
+        for stream in streams
+    ]
+    found = []
+    for stream, bend in zip(streams, bends, strict=True):
+        for axis, (first, beyond) in ((k, one) for k in (0, 1) for one in _quiet(bend.values[:, k])):
+            inside = (windows >= first) & (windows < beyond) & np.isfinite(stream.values[:, axis])
+            seen = np.flatnonzero(inside)
+            if not len(seen) or np.ptp(recording.time[seen]) < LEAST:
+                continue
+            wanted = bend.wanted(axis, slice(first, beyond), bends)
+            if wanted > CLEAR * QUIET["rad"]:
+                words = f"while the pressures should move it by about {np.degrees(wanted):.0f} degrees"
+                found.append(Still(stream.name, "xy"[axis], (stream.columns[axis],), seen, words))
+    return found
+
+
+def _drive(recording: Recording, specimen: Specimen, section: str) -> Floats:
+    """Sum up v of the segments between a section and the one above it [Pa], shape (samples, 2)."""
+    begins = [0.0, *(one.from_m for one in specimen.sections)]
+    here = next((one.from_m for one in specimen.sections if one.name == section), 0.0)
+    above = max((z for z in begins if z < here), default=0.0)
+    segments = [one.name for one in specimen.segments if above <= one.from_m < here]
+    pressures, drive = pressures_of(recording), np.zeros((len(recording.time), 2))
+    for column, number in enumerate(recording.chambers):
+        chamber = specimen.chambers[number]
+        if chamber.segment in segments:
+            azimuth = np.array([np.cos(chamber.azimuth_rad), np.sin(chamber.azimuth_rad)])
+            drive += pressures[:, column, None] * azimuth
+    return drive
+
+
+def _quiet(values: Floats) -> Iterator[tuple[int, int]]:
+    """List the longest stretches of at least ``LEAST`` seconds in which means stay within ``QUIET``."""
+    first = 0
+    while first < len(values):
+        low = np.fmin.accumulate(values[first:])
+        high = np.fmax.accumulate(values[first:])
+        beyond = first + int(np.argmin(np.append(~(high - low > QUIET["rad"]), False)))
+        if (beyond - first) * WINDOW >= LEAST:
+            yield first, beyond
+            first = beyond
+        else:
+            first += 1

@@ -1,0 +1,114 @@
+"""Sensors and single axes that stand still are named with their time and reading, and lost to every fit."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from softarm.analysis.diagnosis.intake import mismatch_finding
+from softarm.estimator.intake import take_in
+from softarm.estimator.intake.still import mend_still
+from softarm.estimator.recording import Recording
+from tests.estimator.intake import small_arm as arm
+
+SPECIMEN = arm.specimen()
+FROM = 30.0
+"""When a sensor stops that moves at first [s]."""
+
+
+@pytest.fixture(scope="module")
+def bends() -> Recording:
+    return arm.small_arm(parts=("bend",))
+
+
+def _held(recording: Recording, held: Mapping[str, float], since: float, noise: float = 0.0) -> Recording:
+    rng = np.random.default_rng(5)
+    late = recording.time >= since
+    return replace(
+        recording,
+        columns={
+            name: np.where(late, held[name] + noise * rng.normal(size=len(late)), values)
+            if name in held
+            else values
+            for name, values in recording.columns.items()
+        },
+    )
+
+
+CASES = {
+    "one axis": ({"bend_tip_x_rad": 0.1}, "bend_tip.x stands still at 5.7 degrees"),
+    "both axes": (
+        {"bend_tip_x_rad": 0.1, "bend_tip_y_rad": -0.2},
+        "bend_tip stands still at 5.7 and -11.5 degrees",
+    ),
+    "axis of the upper segment": (
+        {"bend_intermediate_y_rad": 0.0},
+        "bend_intermediate.y stands still at 0.0 degrees",
+    ),
+}
+
+
+@pytest.mark.parametrize("noise", [0.0, 2e-3])
+@pytest.mark.parametrize("since", [0.0, FROM])
+@pytest.mark.parametrize("case", CASES)
+def test_what_stands_still_is_named_and_lost(bends: Recording, case: str, since: float, noise: float) -> None:
+    held, words = CASES[case]
+    mended, (fault,) = mend_still(_held(bends, held, since, noise), SPECIMEN)
+    assert words in fault.statement.replace("-0.0", "0.0")
+    assert fault.interval == pytest.approx((since, bends.time[-1]), abs=1.0)
+    late = bends.time >= since
+    for name, values in mended.columns.items():
+        if name in held:
+            assert np.isnan(values[late]).all()
+            np.testing.assert_array_equal(
+                values[bends.time < since - 1.0], bends.columns[name][: np.sum(bends.time < since - 1.0)]
+            )
+        else:
+            np.testing.assert_array_equal(values, bends.columns[name])
+
+
+def test_an_axis_that_stands_still_is_a_finding_and_nothing_else_is_found(bends: Recording) -> None:
+    intake = take_in(_held(bends, {"bend_tip_x_rad": 0.1}, 0.0), SPECIMEN)
+    assert (intake.events, len(intake.mismatches)) == ((), 1)
+    finding = mismatch_finding(intake.mismatches[0])
+    assert (finding.effect, finding.where.sensor, finding.where.axis) == ("sensor_stuck", "bend_tip", "x")
+    assert finding.parameters["since"].value == pytest.approx(0.0)
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_sensors_that_live_are_left_alone(seed: int) -> None:
+    recording = arm.small_arm(seed)
+    assert mend_still(recording, SPECIMEN) == (recording, ())
+
+
+def test_an_axis_that_no_chamber_moves_is_left_alone() -> None:
+    """One segment is vented, or chambers of one plane move alone."""
+    recording = arm.small_arm(2, parts=("bend",))
+    rng = np.random.default_rng(1)
+    noise = rng.normal(0.0, 1e-3, (2, len(recording.time)))
+    vented = {f"pressure_{cmd}{k}_pa": 0.0 for cmd in ("", "cmd_") for k in (3, 4, 5)}
+    lower = _held(recording, {**vented, "bend_tip_x_rad": 0.0, "bend_tip_y_rad": 0.0}, 0.0, 1e-3)
+    assert mend_still(lower, SPECIMEN)[1] == ()
+    pressure = recording.columns["pressure_0_pa"]
+    plane = {"bend_intermediate_x_rad": -1e-5 * pressure + noise[0], "bend_intermediate_y_rad": noise[1]}
+    vented = {f"pressure_{cmd}{k}_pa": 0.0 for cmd in ("", "cmd_") for k in range(1, 6)}
+    planar = _held(recording, vented, 0.0)
+    planar = replace(planar, columns={**planar.columns, **plane})
+    assert mend_still(planar, SPECIMEN)[1] == ()
+
+
+def test_a_recording_without_noise_is_left_alone(bends: Recording) -> None:
+    """Nobody can tell a sensor that stands still from one that sees nothing move."""
+    smooth = {
+        name: bends.columns[name.replace("pressure_", "pressure_cmd_")]
+        for name in bends.columns
+        if name.startswith("pressure_") and "cmd" not in name
+    }
+    columns = {**bends.columns, **smooth}
+    for section, first in (("intermediate", 0), ("tip", 3)):
+        columns[f"bend_{section}_x_rad"] = 1e-5 * columns[f"pressure_{first}_pa"]
+        columns[f"bend_{section}_y_rad"] = np.zeros(len(bends.time))
+    columns |= {f"pressure_{k}_pa": np.zeros(len(bends.time)) for k in (1, 2, 4, 5)}
+    still = replace(bends, columns=columns)
+    assert mend_still(still, SPECIMEN)[1] == ()
