@@ -1,6 +1,7 @@
 """Every fault that an intake looks for, planted singly and in twos into a good recording."""
 
 import re
+from dataclasses import replace
 from itertools import combinations, product
 
 import numpy as np
@@ -274,6 +275,36 @@ def test_pressures_above_the_limit_are_left_out_of_fits(good: Recording) -> None
     for seen in (intake.for_fits, intake.for_estimates):
         assert not np.isfinite(seen.columns["bend_tip_x_rad"][above]).any()
     assert arrange(intake.for_estimates, intake_specimen).pressures.max() < 44e3
+
+
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize("lost", [(), (3,), (1, 4)])
+@pytest.mark.parametrize("empty", [True, False])
+def test_a_chamber_that_nobody_recorded_counts_as_vented_and_is_named(
+    good: Recording, lost: tuple[int, ...], *, empty: bool
+) -> None:
+    columns = {
+        name: np.full_like(values, np.nan) if name.endswith(tuple(f"_{k}_pa" for k in lost)) else values
+        for name, values in good.columns.items()
+    }
+    if not empty:
+        columns = {name: values for name, values in columns.items() if not np.isnan(values).all()}
+    intake = take_in(replace(good, columns=columns), SPECIMEN)
+    words = {
+        (): (),
+        (3,): (
+            "run: no pressure of chamber 3 was recorded, so it counts as vented (0 Pa); if it was not, add "
+            "pressure_3_pa [Pa, gauge].",
+        ),
+        (1, 4): (
+            "run: no pressure of chambers 1, 4 was recorded, so they count as vented (0 Pa); if they were "
+            "not, add pressure_1_pa, pressure_4_pa [Pa, gauge].",
+        ),
+    }
+    assert intake.sentences == words[lost]
+    assert not intake.refusals
+    arranged = arrange(intake.recording, SPECIMEN, ("base", "intermediate", "tip")).pressures
+    assert not arranged[:, list(lost)].any()
 
 
 @pytest.mark.parametrize("rows", [1, 2, 30])

@@ -6,7 +6,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.intake.limits import OVERSHOOT
-from softarm.estimator.intake.result import RecordingFault
+from softarm.estimator.intake.result import MOTION, RecordingFault
 from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
@@ -53,6 +53,31 @@ def mend_lost(recording: Recording, specimen: Specimen) -> tuple[Recording, tupl
     what = "readings that cannot be true: " + ", ".join(f"{name} {words[name]}" for name in bad_streams)
     found = RecordingFault(recording.name, "lost", bad_streams, what, "counted as lost")
     return replace(recording, columns=columns), (found,)
+
+
+def mend_unrecorded(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Drop pressures without any reading, and name the chambers that count as vented for want of one."""
+    empty = {
+        name
+        for name, values in recording.columns.items()
+        if name.startswith("pressure_") and not np.isfinite(values).any()
+    }
+    recording = replace(recording, columns={n: v for n, v in recording.columns.items() if n not in empty})
+    missing = sorted({*range(len(specimen.chambers))} - {*recording.chambers})
+    if (
+        not missing
+        or not recording.chambers
+        or not any(name.startswith(MOTION) for name in recording.columns)
+    ):
+        return recording, ()
+    columns = tuple(f"pressure_{chamber}_pa" for chamber in missing)
+    many = len(missing) > 1
+    listed = f"chamber{'s' if many else ''} {', '.join(map(str, missing))}"
+    what = (
+        f"no pressure of {listed} was recorded, so {'they count' if many else 'it counts'} as vented (0 Pa)"
+    )
+    cure = f"if {'they were' if many else 'it was'} not, add {', '.join(columns)} [Pa, gauge]"
+    return recording, (RecordingFault(recording.name, "lost", columns, what, cure),)
 
 
 def without_zeros(recording: Recording) -> Recording:
