@@ -1,11 +1,14 @@
 """Shifts between clocks: what a linear law leaves of a nonlinear response is no reason to move a stream."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from softarm.estimator.intake.clocks import Shifts, _strayed, likelihoods, mend_clocks
+from softarm.estimator.intake.clocks import DELAY, Shifts, _strayed, find_delays, likelihoods, mend_clocks
 from softarm.estimator.recording import Recording
-from tests.estimator.intake.small_arm import LIMIT, specimen
+from tests.estimator.intake.small_arm import LIMIT, shifted, small_arm, specimen
 
 LAGS = np.arange(-8.0, 8.01, 0.05)
 SAMPLES = 25.0
@@ -57,3 +60,40 @@ def test_a_few_poses_of_a_nonlinear_arm_are_no_shift(seed):
     }
     recording = Recording("poses", time, columns)
     assert mend_clocks(recording, specimen())[1] == ()
+
+
+@pytest.mark.parametrize("lag", [-1.0, -0.6, -0.1, 0.0, 0.1, 0.6, 1.0])
+@pytest.mark.parametrize("parts", [("bend",), ("frame",), ("bend", "frame", "marker")])
+@pytest.mark.parametrize("seed", range(4))
+def test_short_lags_of_all_sensors_are_named_and_none_where_there_is_none(seed, parts, lag):
+    recording = shifted(("bend", "frame", "marker"), lag)(small_arm(seed, parts=parts))
+    mended, faults = mend_clocks(recording, specimen())
+    if abs(lag) < 0.5:
+        assert (mended, faults) == (recording, ())
+    elif parts == ("bend",):
+        assert len(faults) == 1
+    for fault in faults:  # poses of the laboratory are less linear than bends, so some tell nothing
+        assert (fault.kind, fault.columns, fault.mended) == ("clock", ("pressures",), True)
+        assert float(fault.what.split()[3]) == pytest.approx(abs(lag), abs=0.2)
+        assert ("behind" in fault.what) is (lag > 0.0)
+        after = find_delays(mended, specimen())
+        best = after.lags[np.argmax(after.likelihoods.mean(axis=0))]
+        assert DELAY[0] <= best <= DELAY[1]
+
+
+@pytest.mark.parametrize("seconds", [0.2, 0.5])
+def test_slow_lines_are_no_shift(seconds):
+    recording = small_arm(1, parts=("bend",))
+    keep = np.exp(-(recording.time[1] - recording.time[0]) / seconds)
+    slow = {
+        name: lfilter([1.0 - keep], [1.0, -keep], values)
+        for name, values in recording.columns.items()
+        if name.startswith("bend_")
+    }
+    late = replace(recording, columns={**recording.columns, **slow})
+    assert mend_clocks(late, specimen())[1] == ()
+
+
+def test_one_late_sensor_is_no_shift_of_the_clocks():
+    late = shifted(("bend_tip",), 0.6)(small_arm(2, parts=("bend",)))
+    assert mend_clocks(late, specimen())[1] == ()

@@ -5,6 +5,10 @@ pressures behind a first-order filter; what counts is how well each part of the 
 others. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an effect of its own
 (``sensor_latency``, ``line_lag``); motion that comes earlier than its cause, or far later, is a matter of
 clocks.
+
+Levels tell little of shifts that are short against the time for which a pose is held. Where all sensors lag
+alike, changes over ``CHANGE`` seconds tell them: pressures behind slow lines are among their causes, so what
+is left to a shift is a pure delay, and one beyond ``DELAY`` is none of the arm's.
 """
 
 from dataclasses import dataclass, replace
@@ -13,7 +17,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.intake.grid import Grid, grid_of
 from softarm.estimator.intake.hypotheses import UNAMBIGUOUS
 from softarm.estimator.intake.law import first_order
@@ -44,6 +48,16 @@ APART = 1.5
 SPREAD = 0.25
 """Sensors whose shifts agree within this [s] share a clock."""
 PRESSED = 1e3
+CHANGE = 0.3
+"""Time over which changes of motion and pressures are taken [s]: about a vibration, shorter than a move."""
+NEARBY = 2.0
+"""Time over which the power of such changes is averaged [s]."""
+LAGS = (0.1, 0.4, 1.5)
+"""Time constants [s] of the slow lines and of the creep that compete with a delay."""
+DELAY = (-0.2, 0.3)
+"""Delay of motion behind pressures [s] that valves, lines, filters of sensors and a slow swing explain."""
+REACH = 2.5
+"""Longest delay that is looked for in changes [s]; longer ones show in the levels."""
 PARTS = 4
 """Parts of a run, each predicted from the others."""
 
@@ -59,6 +73,7 @@ class Shifts:
             lags).
         fitted: The same by what it fits, shape (sensors, lags).
         samples: Independent samples behind them.
+        allowed: Lags from and to which are none of the clocks' [s].
     """
 
     names: tuple[str, ...]
@@ -66,11 +81,13 @@ class Shifts:
     likelihoods: Floats
     fitted: Floats
     samples: float
+    allowed: tuple[float, float] = ALLOWED
 
     @property
     def usual(self) -> NDArray[np.bool_]:
         """Lags that are none of the clocks', shape (lags,)."""
-        inside: NDArray[np.bool_] = (self.lags >= ALLOWED[0] - 1e-9) & (self.lags <= ALLOWED[1] + 1e-9)
+        first, last = self.allowed
+        inside: NDArray[np.bool_] = (self.lags >= first - 1e-9) & (self.lags <= last + 1e-9)
         return inside
 
 
@@ -79,9 +96,10 @@ def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
 
     Where all sensors lag alike, the pressures are moved; else the sensor that strays.
     """
-    shifts = find_shifts(recording, specimen)
+    mended, delays = _mended_delay(recording, specimen)
+    shifts = None if delays else find_shifts(recording, specimen)
     if shifts is None:
-        return recording, ()
+        return mended, delays
     whole = shifts.likelihoods.mean(axis=0)
     common = _strayed(shifts, whole, shifts.fitted.mean(axis=0))
     alone = [_strayed(shifts, *own) for own in zip(shifts.likelihoods, shifts.fitted, strict=True)]
@@ -89,12 +107,32 @@ def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
         if candidate is not None and _shared(shifts, candidate[0]):
             return _mended(recording, ("pressures",), "the motion", candidate)
     faults: list[RecordingFault] = []
-    mended = recording
     for name, one in zip(shifts.names, alone, strict=True):
         if one is not None:
             mended, more = _mended(mended, (name,), name, one)
             faults += more
     return mended, tuple(faults)
+
+
+def _mended_delay(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Move the pressures where every sensor shows the same delay of its changes.
+
+    That delay has to win by clear odds against the usual ones, against another far from it, and against
+    pressures that tell nothing of the motion: a regression on few moves may predict worse than none.
+    """
+    shifts = find_delays(recording, specimen)
+    if shifts is None or len(shifts.names) < 2:  # one sensor alone may be late itself
+        return recording, ()
+    likelihood = shifts.likelihoods.mean(axis=0)
+    lag = float(shifts.lags[np.argmax(likelihood)])
+    elsewhere = shifts.usual | (np.abs(shifts.lags - lag) > 2 * SPREAD)
+    unrelated = float(likelihoods(np.ones(1), shifts.samples)[0])
+    odds = float(likelihood.max()) - max(float(likelihood[elsewhere].max()), unrelated)
+    fitted = shifts.fitted.mean(axis=0)
+    beyond = abs(lag) > REACH - SPREAD or fitted[np.argmax(likelihood)] < fitted[shifts.usual].max()
+    if beyond or odds < np.log(UNAMBIGUOUS) or not _shared(shifts, lag):
+        return recording, ()
+    return _mended(recording, ("pressures",), "the motion", (lag, odds, lag, odds))
 
 
 def _shared(shifts: Shifts, lag: float) -> bool:
@@ -161,35 +199,98 @@ def _way(lag: float) -> str:
 
 
 def find_shifts(recording: Recording, specimen: Specimen) -> Shifts | None:
-    """Judge every shift of every sensor that the pressures move; ``None`` where nothing can be said."""
+    """Judge every shift of every sensor by its levels; ``None`` where nothing can be said."""
+    seconds = float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
+    reach = min(LONGEST, 0.25 * seconds)
+    return _judged(recording, specimen, max(STEP, seconds / 3000), reach, ALLOWED)
+
+
+def find_delays(recording: Recording, specimen: Specimen) -> Shifts | None:
+    """Judge every short delay of every sensor by its changes; ``None`` where nothing can be said."""
+    step = float(np.median(np.diff(recording.time))) if len(recording.time) > 1 else STEP
+    return _judged(recording, specimen, max(STEP, step), REACH, DELAY, CHANGE)
+
+
+def _judged(
+    recording: Recording,
+    specimen: Specimen,
+    step: float,
+    reach: float,
+    allowed: tuple[float, float],
+    change: float = 0.0,
+) -> Shifts | None:
+    """Judge shifts of up to ``reach`` by changes over some seconds, or by levels where there are none."""
     seconds = float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
     streams = streams_of(recording, specimen)
     if seconds < SHORTEST or not recording.chambers or not any(stream.moving.any() for stream in streams):
         return None
-    grid = grid_of(recording, streams, max(STEP, seconds / 3000))
+    grid = grid_of(recording, streams, step)
     if np.ptp(grid.pressures, axis=0).max(initial=0.0) < PRESSED:
         return None
-    reach = min(LONGEST, 0.25 * seconds)
     lags = np.arange(-reach, reach + STEP / 2, STEP)
+    causes, motion = _levels(grid) if not change else _changes(grid, max(1, round(change / grid.step)))
     numbers = np.unique(grid.stream)
     predicted, fitted = (
         np.array([left[:, grid.stream == number].mean(axis=1) for number in numbers])
-        for left in _unexplained(grid, lags)
+        for left in _unexplained(causes, motion, np.round(lags / grid.step).astype(np.int64))
     )
-    moved = predicted.min(axis=1) < 1.0 - EXPLAINED
+    moved = predicted.min(axis=1) < 1.0 - (0.0 if change else EXPLAINED)
     if not moved.any():
         return None
     names = tuple(streams[number].name for number in numbers[moved])
-    samples = (seconds - 2 * reach) / _correlated_s(grid)
+    said = grid.step * float(np.mean([correlation_length(column) for column in _centred(motion).T]))
+    samples = (seconds - 2 * reach) / said * (_active(motion) * _directions(motion) if change else 1.0)
     return Shifts(
-        names, lags, likelihoods(predicted[moved], samples), likelihoods(fitted[moved], samples), samples
+        names,
+        lags,
+        likelihoods(predicted[moved], samples),
+        likelihoods(fitted[moved], samples),
+        samples,
+        allowed,
     )
 
 
-def _correlated_s(grid: Grid) -> float:
-    """Return the time in which the motion says one thing [s]: about as long as a pose is held."""
-    motion = grid.values - np.nanmean(grid.values, axis=0)
-    return grid.step * float(np.mean([correlation_length(column) for column in motion.T]))
+def _levels(grid: Grid) -> tuple[Floats, Floats]:
+    """Return pressures, as they are and behind a slow line, and the motion; shape (windows, columns) each."""
+    both = [grid.pressures, first_order(grid.pressures, grid.step / SLOW)]
+    scale = max(float(np.abs(grid.pressures).max()), 1.0)
+    return np.column_stack([*(one / scale for one in both), np.ones(len(grid.time))]), grid.values
+
+
+def _changes(grid: Grid, windows: int) -> tuple[Floats, Floats]:
+    """Return how pressures, as they are and behind slow lines, and the motion change over some windows.
+
+    Both are over the root of the power of the motion nearby: a law errs in proportion to what it describes,
+    and a few violent seconds must not outweigh all others.
+    """
+    filtered = [first_order(grid.pressures, grid.step / lag) for lag in LAGS]
+    causes = np.column_stack([grid.pressures, *filtered]) / max(float(np.abs(grid.pressures).max()), 1.0)
+    causes, motion = (values[windows:] - values[:-windows] for values in (causes, grid.values))
+    power = np.nan_to_num(motion**2)
+    nearby = np.ones(max(1, round(NEARBY / grid.step)))
+    local = np.convolve((power / power.mean(axis=0)).mean(axis=1), nearby / len(nearby), "same")
+    size = np.sqrt(1.0 + local)[:, None]
+    return causes / size, motion / size
+
+
+def _active(motion: Floats) -> float:
+    """Return the share of the time in which there is motion: squared mean size over mean square."""
+    power = np.nan_to_num(motion**2).sum(axis=1)
+    return float(np.mean(np.sqrt(power)) ** 2 / max(float(np.mean(power)), 1e-30))
+
+
+def _directions(motion: Floats) -> float:
+    """Return the number of independent directions of motion: (tr C)^2 / tr C^2, C their correlations."""
+    seen = motion[np.isfinite(motion).all(axis=1)]
+    if len(seen) < 2:
+        return 1.0
+    correlations = np.nan_to_num(np.corrcoef(seen.T).reshape(seen.shape[1], -1), nan=0.0)
+    return float(np.trace(correlations) ** 2 / max(float((correlations**2).sum()), 1e-30))
+
+
+def _centred(values: Floats) -> Floats:
+    seen = values[np.isfinite(values).all(axis=1)]
+    return np.asarray(values - (seen.mean(axis=0) if len(seen) else 0.0))
 
 
 def likelihoods(unexplained: Floats, samples: float) -> Floats:
@@ -202,8 +303,13 @@ def likelihoods(unexplained: Floats, samples: float) -> Floats:
     return np.asarray(-0.5 * samples * np.log(unexplained + FORM))
 
 
-def _unexplained(grid: Grid, lags: Floats) -> tuple[Floats, Floats]:
-    """Compute the share of each value's variance that shifted pressures leave.
+def _unexplained(causes: Floats, motion: Floats, lags: Indices) -> tuple[Floats, Floats]:
+    """Compute the share of each value's variance that shifted causes leave.
+
+    Args:
+        causes: What moves the arm, shape (windows, causes).
+        motion: What moves, NaN where lost, shape (windows, values).
+        lags: By how many windows motion lags, shape (lags,).
 
     Returns:
         What they leave of each part of the run, predicted by the regression on the others, and what they
@@ -211,21 +317,16 @@ def _unexplained(grid: Grid, lags: Floats) -> tuple[Floats, Floats]:
         regression has coefficients: a shift by whole poses fits as well as the right one, and predicts
         nothing. Prediction is blunt about a tenth of a second, where the fit is sharp.
     """
-    scale = max(float(np.abs(grid.pressures).max()), 1.0)
-    both = np.column_stack([grid.pressures, first_order(grid.pressures, grid.step / SLOW)]) / scale
-    both = np.column_stack([both, np.ones(len(both))])
-    valid = np.asarray(np.isfinite(grid.values).all(axis=1))
-    edge = int(np.ceil(np.abs(lags).max() / grid.step))
-    rows = np.flatnonzero(valid)
-    rows = rows[(rows >= edge) & (rows < len(valid) - edge)]
-    predicted, fitted = np.ones((2, len(lags), grid.values.shape[1]))
-    if len(rows) < 5 * both.shape[1]:
+    edge = int(np.abs(lags).max())
+    rows = np.flatnonzero(np.isfinite(motion).all(axis=1))
+    rows = rows[(rows >= edge) & (rows < len(motion) - edge)]
+    predicted, fitted = np.ones((2, len(lags), motion.shape[1]))
+    if len(rows) < 5 * causes.shape[1]:
         return predicted, fitted
-    values = grid.values[rows] - grid.values[rows].mean(axis=0)
+    values = motion[rows] - motion[rows].mean(axis=0)
     power = np.maximum((values**2).sum(axis=0), 1e-30)
     for k, lag in enumerate(lags):
-        sums = _regressed(both[rows - round(lag / grid.step)], values)
-        predicted[k], fitted[k] = (part / power for part in sums)
+        predicted[k], fitted[k] = (part / power for part in _regressed(causes[rows - lag], values))
     return predicted, fitted
 
 
