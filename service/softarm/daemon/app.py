@@ -116,24 +116,29 @@ class Service:
         self._loop.record_surface(surface.triangles)
 
     async def run(self) -> None:
-        """Serve until a signal or ``stop``; the arm is vented on every way out."""
+        """Serve until a signal or ``stop``; every way out vents the arm before it waits for anything."""
         to_quaternions(from_quaternions(UPRIGHT))  # loads compiled code, for which no tick can wait
         server = CommandServer(self._bus, self._loop)
         with self._host, self._bus:
             # The arm is claimed before anything touches it: a second service for it ends here.
             self._bus.open(self._documents(), server.stop)
             self._announce()
-            try:
-                async with self._worker, asyncio.TaskGroup() as tasks:
-                    background = [
-                        tasks.create_task(self._loop.instruments.connect()),
-                        tasks.create_task(serve_each(self._bus.next_call, server.serve, tasks)),
-                    ]
-                    await self._control()
-                    for task in background:
-                        task.cancel()  # or the group would wait for them for ever
-            finally:
-                await self._shut_down()
+            async with self._worker:  # ended last: its process may need seconds to end
+                try:
+                    async with asyncio.TaskGroup() as tasks:
+                        background = [
+                            tasks.create_task(self._loop.instruments.connect()),
+                            tasks.create_task(serve_each(self._bus.next_call, server.serve, tasks)),
+                        ]
+                        try:
+                            await self._control()
+                        finally:  # before the group waits for commands that wait for a disk
+                            self._notifier.stopping()
+                            self._loop.shut_down()
+                        for task in background:
+                            task.cancel()  # or the group would wait for them for ever
+                finally:
+                    await self._close()
 
     def stop(self) -> None:
         """Ask the service to end."""
@@ -151,10 +156,8 @@ class Service:
             ", ".join(device.name for device in self._setup.devices),
         )
 
-    async def _shut_down(self) -> None:
-        # The arm before everything that may wait: the disk comes last.
-        self._notifier.stopping()
-        self._loop.shut_down()
+    async def _close(self) -> None:
+        """Close the devices, then the recording, which waits for the disk."""
         await self._loop.instruments.close()
         if self._loop.recorder.path is not None:
             try:

@@ -171,8 +171,7 @@ class ControlLoop:
         if self._ready or self.estimates.process.state.starting:
             return
         self._ready = True
-        # A stop during the start has led to FAULTED, which only `clear` may leave.
-        if self.mode is Mode.STARTING:
+        if self.controller.modes.allows(Trigger.READY):
             gave_up = self.estimates.process.state.gave_up
             cause = "the estimator cannot be built: see the log" if gave_up else "the estimator is ready"
             self.controller.fire(Trigger.READY, cause)

@@ -10,7 +10,7 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from acceptance.reference.api_examples import EXAMPLES, TOKEN
-from softarm.daemon.safety.modes import PRESSURISED, TRANSITIONS
+from softarm.daemon.safety.modes import BEFORE_READY, PRESSURISED, TRANSITIONS
 from softarm_client.commands import VERBS, Applied, GuardedRequest, MovingRequest, Refused, Request
 from softarm_client.keys import PREFIX
 from softarm_client.messages import (
@@ -140,7 +140,11 @@ def example_request(verb: str) -> dict[str, object]:
 
 def _transition_table() -> list[str]:
     rows = [f"| {before} | {event} | {after} |" for (before, event), after in TRANSITIONS.items()]
-    return ["| in | on | goes to |", "|---|---|---|", *rows, ""]
+    early = [
+        f"Until the first `ready`, `{event}` leads from {before} to {after}."
+        for (before, event), after in BEFORE_READY.items()
+    ]
+    return ["| in | on | goes to |", "|---|---|---|", *rows, "", *early, ""]
 
 
 def render() -> str:

@@ -11,6 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from softarm.daemon.control import command_handler
 from softarm.daemon.control.host_watch import HostLoad, HostWatch
 from softarm.daemon.control.lateness import pressure_files, read_pressure
 from softarm.daemon.control.poses import PoseStore
@@ -101,10 +102,13 @@ async def test_ready_is_sent_once_whatever_a_client_does_while_the_estimator_is_
     assert (arm.loop.mode, arm.ready) == (Mode.STARTING, [])
     await arm.demand("stop", "clear")
     arm.step()
-    assert (arm.loop.mode, arm.ready) == (Mode.IDLE, [])
+    assert (arm.loop.mode, arm.ready) == (Mode.STARTING, [])
+    await arm.demand("stop")
     arm.loop.estimates.process.state = WorkerState(running=True, restarts=0, gave_up=False)
     arm.step(3)
-    assert arm.ready == [Mode.IDLE]
+    assert arm.ready == [Mode.FAULTED]
+    await arm.demand("clear")
+    assert arm.loop.mode is Mode.IDLE
 
 
 async def test_a_service_whose_estimator_cannot_be_built_does_not_call_it_ready(arm):
@@ -263,6 +267,17 @@ async def test_a_slow_disk_keeps_neither_the_loop_nor_another_command_waiting(tm
     assert 0.0 <= state.drift_median_s <= state.drift_p99_s
     # A loop that waits for the disk is late by all of the second and more for which this disk blocks.
     assert latest_s < 0.25 * blocked_s, (latest_s, blocked_s)
+
+
+async def test_a_pose_that_the_disk_does_not_take_is_refused_in_time(arm, monkeypatch):
+    free = threading.Event()
+    monkeypatch.setattr(command_handler, "SAVE_S", 0.05)
+    monkeypatch.setattr(PoseStore, "save", lambda *_: free.wait(30.0))
+    arm.step()
+    await arm.demand("lease/acquire", "arm", "teach/start")
+    answer = await asyncio.wait_for(arm.send("teach/save", name="a"), 20.0)
+    free.set()
+    assert (answer.code, answer.message) == ("not_available", "the disk did not answer within 0.05 s")
 
 
 async def test_drift_of_the_ticks_is_published(arm):

@@ -18,7 +18,7 @@ class Operation(RuleBasedStateMachine):
     def __init__(self):
         super().__init__()
         self.machine = ModeMachine()
-        self.armed_since_idle = False
+        self.armed_since_idle = self.ready = False
         self.first_cause = None
 
     @rule(event=st.sampled_from(Trigger), cause=st.text(max_size=5))
@@ -34,6 +34,7 @@ class Operation(RuleBasedStateMachine):
             raise AssertionError(f"{event} was accepted in {before}")
         transition = self.machine.fire(event, cause)
         assert (transition.before, transition.after) == (before, self.machine.mode)
+        self.ready |= event is Trigger.READY
         if event is Trigger.ARM:
             self.armed_since_idle = True
         if self.machine.mode not in PRESSURISED:
@@ -47,6 +48,10 @@ class Operation(RuleBasedStateMachine):
     def pressure_only_after_arm(self):
         if self.machine.mode in PRESSURISED:
             assert self.armed_since_idle
+
+    @invariant()
+    def idle_and_pressure_only_when_ready(self):
+        assert self.ready or self.machine.mode in (Mode.STARTING, Mode.FAULTED, Mode.STOPPING)
 
     @invariant()
     def cause_is_latched(self):

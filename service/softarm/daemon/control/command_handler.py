@@ -49,6 +49,8 @@ CLOCKS_DIFFER_S = 1.0
 FARTHEST_DEADLINE_S = 60.0
 ANSWER_S = 0.1
 """Time before its deadline at which a command that waits for an estimate is answered [s]."""
+SAVE_S = 5.0
+"""Longest wait for the disk that keeps a pose [s]: a service that ends waits for its commands."""
 SET_CLOCKS = "set the clocks of both hosts by NTP (timedatectl)"
 
 Answer = dict[str, object]
@@ -315,7 +317,11 @@ class CommandHandler:
             saved_unix_ns=self._context.unix_ns(),
         )
         async with self._saving:  # one after the other: each writes the whole file
-            await off_loop(lambda: self._context.poses.save(request.name, pose))
+            try:
+                await asyncio.wait_for(off_loop(lambda: self._context.poses.save(request.name, pose)), SAVE_S)
+            except TimeoutError:
+                message = f"the disk did not answer within {SAVE_S:g} s"
+                raise RefusalError("not_available", message, "check the disk, then save again") from None
         return {
             "name": request.name,
             "pressures_pa": list(pose.pressures_pa),

@@ -34,6 +34,7 @@ class Trigger(StrEnum):
 TRANSITIONS = MappingProxyType(
     {
         (Mode.STARTING, Trigger.READY): Mode.IDLE,
+        (Mode.FAULTED, Trigger.READY): Mode.FAULTED,
         (Mode.IDLE, Trigger.ARM): Mode.ARMED,
         (Mode.ARMED, Trigger.TEACH): Mode.TEACH,
         (Mode.HOLDING, Trigger.TEACH): Mode.TEACH,
@@ -54,7 +55,9 @@ TRANSITIONS = MappingProxyType(
     | {(mode, Trigger.FAULT): Mode.FAULTED for mode in Mode if mode is not Mode.STOPPING}
     | {(mode, Trigger.SHUT_DOWN): Mode.STOPPING for mode in Mode}
 )
-"""Every transition there is; what the table does not name is refused."""
+"""Every transition once the service is ready; what the table does not name is refused."""
+BEFORE_READY = MappingProxyType({(Mode.FAULTED, Trigger.CLEAR): Mode.STARTING})
+"""Transitions that lead elsewhere until ``ready`` has come."""
 
 
 class TransitionRefusedError(Exception):
@@ -97,6 +100,7 @@ class ModeMachine:
         self._observer = observer
         self._mode = Mode.STARTING
         self._fault_cause: str | None = None
+        self._ready = False
         self._changes = 0
 
     @property
@@ -124,10 +128,10 @@ class ModeMachine:
         Raises:
             TransitionRefusedError: The present mode does not allow the trigger.
         """
-        after = TRANSITIONS.get((self._mode, trigger))
-        if after is None:
+        if not self.allows(trigger):
             raise TransitionRefusedError(self._mode, trigger)
-        return after
+        after = TRANSITIONS[self._mode, trigger]
+        return after if self._ready else BEFORE_READY.get((self._mode, trigger), after)
 
     def fire(self, trigger: Trigger, cause: str, by: str = SERVICE) -> Transition:
         """Apply a trigger and report the change to the observer.
@@ -149,6 +153,7 @@ class ModeMachine:
             self._fault_cause = cause
         elif trigger is Trigger.CLEAR:
             self._fault_cause = None
+        self._ready |= trigger is Trigger.READY
         self._mode = after
         self._changes += 1
         transition = Transition(before, after, trigger, cause, by)
