@@ -43,6 +43,17 @@ def test_tangent_is_the_derivative_of_the_residual(kind: ElementKind, law: str, 
     assert (asymmetry < 1e-14) == arm.body.symmetric
 
 
+@pytest.mark.parametrize("kind", ["tet4", "tet10", "hex8", "hex20"])
+@pytest.mark.parametrize("law", ["neo_hookean", "gent"])
+def test_positions_that_are_not_numbers_are_invalid(kind: ElementKind, law: str, arm_of: ArmOf) -> None:
+    body = arm_of(kind, law).body
+    pressures, scales = np.zeros(body.chambers), np.ones(len(body.parameters))
+    for node in np.unique([node for block in body.mesh_blocks for node in block.connectivity.ravel()]):
+        positions = body.points.copy()
+        positions[node] = np.nan
+        assert not body.evaluate(positions, pressures, scales, tangent=False).valid, node
+
+
 @pytest.mark.parametrize("kind", ["tet4", "hex20"])
 def test_response_is_the_derivative_of_the_equilibrium(kind: ElementKind, arm_of: ArmOf) -> None:
     arm = arm_of(kind)

@@ -145,6 +145,21 @@ async def test_every_change_of_mode_is_an_event_and_in_the_journal_with_who_aske
         assert any(change in line and by in line for line in caplog.messages), change
 
 
+async def test_a_search_that_diverged_counts_as_failed_and_leaves_the_last_pose(arm):
+    arm.step(10)
+    await arm.demand("lease/acquire", "arm", "teach/start")
+    nowhere = {"positions": np.full((3, 3), np.nan), "degrees_of_freedom": np.nan}
+    published = len(arm.outlet.of("estimate"))
+    arm.loop.estimates.take(replace(arm.loop.estimator_state.result, **nowhere))
+    state = arm.loop.estimator_state
+    assert (state.failures, state.hold, state.held) == (1, None, None)
+    assert state.tare_now() is None
+    assert len(arm.outlet.of("estimate")) == published
+    assert np.isfinite([section.position_m for section in state.sections]).all()
+    arm.step()
+    assert (state.failures, arm.loop.mode) == (0, Mode.TEACH)
+
+
 async def test_a_command_that_waits_for_an_estimate_ends_with_its_mode(arm):
     arm.step()
     await arm.demand("lease/acquire", "arm", "teach/start")

@@ -115,6 +115,9 @@ class Estimates:
         """Handle a result of the estimator: publish it, follow contacts and the test of the model."""
         # Measured from now, not from the readings: this is about the process, not about the sensors.
         self._last_result_ns = self._clocks.monotonic_ns()
+        if not result.finite:
+            self._estimator_state.fail()
+            return
         unix_ns = self._clocks.unix_ns()
         before = self._estimator_state.contact_since_unix_ns
         self._estimator_state.update(result, unix_ns)

@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -128,6 +128,13 @@ class EstimatorState:
         self._updated = asyncio.Event()
         self._names = section_names
         self._align = align
+
+    def fail(self) -> None:
+        """Note a search that diverged: the last pose stays, but nothing may be steered by it."""
+        self.failures += 1
+        if self.result is not None:
+            self.result = replace(self.result, converged=False, hold=None)
+        self._updated.set()
 
     def update(self, result: EstimationResult, unix_ns: int) -> None:
         """Keep the newest result of the estimator; the wall clock dates a contact."""

@@ -144,3 +144,10 @@ class EstimationResult(_Compact):
     nodes: NDArray[np.float32] | None = None
     solve_s: float = 0.0
     rod_off_rad: float | None = None
+
+    @property
+    def finite(self) -> bool:
+        """Whether it is made of numbers; that of a search that diverged is not."""
+        parts = (self.loads, self.load_covariance, self.positions, self.quaternions, self.frame_std)
+        judged = (self.innovation_squared, self.degrees_of_freedom)
+        return all(bool(np.isfinite(part).all()) for part in (*parts, judged))

@@ -312,7 +312,7 @@ def _add_forces(connectivity: Indices, force: Floats, forces: Floats) -> None:
 
 
 @compiled
-def solid_forces(  # noqa: C901 (one loop nest, compiled)
+def solid_forces(
     positions: Floats,
     connectivity: Indices,
     gradients: Floats,
@@ -345,14 +345,13 @@ def solid_forces(  # noqa: C901 (one loop nest, compiled)
     for e in range(connectivity.shape[0]):
         collect_corners(positions, connectivity[e], corners)
         x, g, f = corners.ctypes.data, gradients[e].ctypes.data, force.ctypes.data
-        least = np.inf
+        positive = True
         for p in range(points):
             fill_gradient(x, g, nodes, points, p, deformation[p].ctypes.data)
             for lane in range(LANES):
                 ratios[p, lane], squares[p, lane] = invert_lane(deformation[p], inverse[p], lane)
-                if not ratios[p, lane] >= least:
-                    least = ratios[p, lane]
-        if not least > 0.0:
+                positive &= ratios[p, lane] > 0.0  # neither is what is not a number
+        if not positive:
             return False
         if not evaluate_law(
             weights[e], ratios, squares, coefficients[e], scales[e], of_f, of_h, slope, terms, stiffening
