@@ -13,7 +13,7 @@ import numpy as np
 from softarm.estimator.arm import build_arm
 from softarm.estimator.model import Frames, Inputs
 from softarm.estimator.recording import Recording
-from softarm.estimator.sensing import Registration, Scene
+from softarm.estimator.sensing import Registration
 from softarm.estimator.sensors import SpecimenSensors
 from softarm.estimator.specimen import load_specimen
 from softarm.recordings import save_recording
@@ -42,9 +42,7 @@ def pulled_arm() -> Recording:
         state, found = model.solve(Inputs(acting, load, np.array(specimen.gravity_m_s2)), state)
         assert found
         frames.append(model.section_frames(state))
-    scene = Scene(
-        Frames(np.array([f.positions for f in frames]), np.array([f.rotations for f in frames])), loads
-    )
+    moved = Frames(np.array([f.positions for f in frames]), np.array([f.rotations for f in frames]))
     rng = np.random.default_rng(0)
     columns = {
         f"pressure_{k}_pa": np.round(pressures[:, k] + rng.normal(0, 100, len(time)), 1)
@@ -52,7 +50,7 @@ def pulled_arm() -> Recording:
     }
     make = SpecimenSensors(specimen, model.sections, Registration())
     for section in ("intermediate", "tip"):
-        angles = make.bend(section).predict(scene) + rng.normal(0, specimen.noise.bend_rad, (len(time), 2))
+        angles = make.bend(section).predict(moved) + rng.normal(0, specimen.noise.bend_rad, (len(time), 2))
         columns |= {f"bend_{section}_{axis}_rad": np.round(angles[:, i], 6) for i, axis in enumerate("xy")}
     info = {
         "specimen": "sopra",
