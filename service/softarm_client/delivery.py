@@ -6,6 +6,7 @@ import queue
 import threading
 import weakref
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Generic, Protocol, TypeVar
 
 logger = logging.getLogger(__name__)
@@ -13,7 +14,7 @@ Item = TypeVar("Item")
 LAST_HANDLER_S = 2.0
 """A handler that is still at work when its delivery is closed is waited for so long."""
 WAITING = 64
-"""So many messages may wait for a slow handler; the oldest is dropped first."""
+"""So many messages may wait for a slow handler or loop; the oldest is dropped first."""
 
 
 class Closable(Protocol):
@@ -37,6 +38,20 @@ def _close_all() -> None:
         client.close()
 
 
+def put_latest(waiting: "queue.Queue[Item]", item: Item) -> None:
+    """Add an item; where too many wait the oldest is dropped."""
+    while True:
+        try:
+            return waiting.put_nowait(item)
+        except queue.Full:
+            _drop_oldest(waiting)
+
+
+def _drop_oldest(waiting: "queue.Queue[Item]") -> None:
+    with suppress(queue.Empty):  # the reader was faster
+        waiting.get_nowait()
+
+
 class Delivery(Generic[Item]):
     """Calls a handler with each item, in a daemon thread of its own, until it is closed.
 
@@ -55,19 +70,7 @@ class Delivery(Generic[Item]):
 
     def put(self, item: Item | None) -> None:
         """Add an item; where too many wait the oldest is dropped."""
-        while True:
-            try:
-                self._items.put_nowait(item)
-            except queue.Full:
-                self._drop_oldest()
-            else:
-                return
-
-    def _drop_oldest(self) -> None:
-        try:
-            self._items.get_nowait()
-        except queue.Empty:  # the handler's thread was faster
-            return
+        put_latest(self._items, item)
 
     def _run(self) -> None:
         while (item := self._items.get()) is not None:
@@ -79,7 +82,7 @@ class Delivery(Generic[Item]):
     def close(self) -> None:
         """End the thread after the item that it works on; a handler may close its own delivery."""
         while not self._items.empty():
-            self._drop_oldest()
+            _drop_oldest(self._items)
         self.put(None)
         if threading.current_thread() is not self._thread:
             self._thread.join(LAST_HANDLER_S)

@@ -5,15 +5,15 @@ import queue
 import threading
 from collections.abc import AsyncIterator, Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from typing import Generic, TypeVar
 
 from softarm_client.connection import Connection
+from softarm_client.delivery import WAITING, put_latest
 from softarm_client.errors import ServiceSilentError
 from softarm_client.messages import Message
 
 Kind = TypeVar("Kind", bound=Message)
-WAITING = 64
-"""So many messages may wait for a slow loop; the oldest is dropped first."""
 
 
 class Stream(Generic[Kind]):
@@ -90,13 +90,7 @@ class Stream(Generic[Kind]):
     def __iter__(self) -> Iterator[Kind]:
         waiting: queue.Queue[Kind | None] = queue.Queue(WAITING)
 
-        def put(message: Kind | None) -> None:
-            while True:
-                try:
-                    return waiting.put_nowait(message)
-                except queue.Full:
-                    _drop_oldest(waiting)
-
+        put = partial(put_latest, waiting)
         with self._connection.on_close(lambda: put(None)), self.subscribe(put):
             while True:
                 try:
@@ -138,10 +132,3 @@ class Stream(Generic[Kind]):
         key = self._connection.keys.stream(self._name)
         what = f"nothing published for {seconds:g} s"
         return ServiceSilentError(f"{key}: {what}; check that the service runs and that the network works")
-
-
-def _drop_oldest(waiting: "queue.Queue[Kind | None]") -> None:
-    try:
-        waiting.get_nowait()
-    except queue.Empty:  # the loop was faster
-        return
