@@ -29,24 +29,25 @@ from softarm.experiments.rig_control import FakeControl
 from softarm.experiments.session import connect, wait_ready
 from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
-from softarm_client.messages import Estimate, Mismatch
+from softarm_client.messages import Estimate, Mismatch, State
 
-EFFECT: dict[str, Any] = {"where": {"chamber": 0}, "change": -0.25}
+CHAMBER = 0
+EFFECT: dict[str, Any] = {"where": {"chamber": CHAMBER}, "change": -0.25}
+"""What is concealed: a chamber that lost a quarter of its gain."""
 SUSPECT = ("each_alone",)
 WATCHED = "poses"
 SPECIMEN = "improved.toml"
-"""What is concealed: a chamber that lost a quarter; what is run; the file that is written; how often
-a run is begun again that ends in a fault, as on a machine that is busy."""
 
 Result = TypeVar("Result")
 
 
 @dataclass
 class Watch:
-    """Collects what the service says while the arm moves, free of any force.
+    """Collects what the service publishes while the arm moves, free of any force.
 
     Args:
-        forces: Norm of each estimated force [N].
+        forces: Norm of the sum of all estimated forces [N], while the changed chamber is to hold pressure:
+            only then can its gain look like a force.
         innovations: Running mean of the innovation squared, per degree of freedom.
         inconsistent: How many messages called model and measurements inconsistent.
     """
@@ -54,11 +55,17 @@ class Watch:
     forces: list[float] = field(default_factory=list)
     innovations: list[float] = field(default_factory=list)
     inconsistent: int = 0
+    asked_pa: float = 0.0
+
+    def add_state(self, state: State) -> None:
+        """Note the set-point of the chamber that changes."""
+        self.asked_pa = state.asked_pa[CHAMBER]
 
     def add_estimate(self, estimate: Estimate) -> None:
-        """Add the forces of an estimate that is of use."""
-        if estimate.status in ("converged", "degraded"):
-            self.forces += [float(np.linalg.norm(load.force_n)) for load in estimate.loads]
+        """Add the force of an estimate that is of use."""
+        if self.asked_pa > 0.0 and estimate.status in ("converged", "degraded"):
+            force = np.sum([load.force_n for load in estimate.loads], axis=0)
+            self.forces.append(float(np.linalg.norm(force)))
 
     def add_mismatch(self, mismatch: Mismatch) -> None:
         """Add the innovation of a test of the model, and whether it was passed."""
@@ -66,28 +73,30 @@ class Watch:
             self.innovations.append(mismatch.normalised_innovation_squared)
             self.inconsistent += not mismatch.consistent
 
-    @property
-    def force_n(self) -> float:
-        """Median of the forces that there seem to be [N]: in fast transients a live estimate may be lost."""
-        return float(np.median(self.forces)) if self.forces else float("nan")
-
     def row(self, specimen: str) -> dict[str, str | float]:
-        """Give the row of the table."""
+        """Return the row of the table; medians, since a live estimate may be lost in a fast transient."""
         share = self.inconsistent / len(self.innovations) if self.innovations else float("nan")
-        median = float(np.median(self.innovations)) if self.innovations else float("nan")
         return {
             "specimen": specimen,
-            "apparent_force_n": self.force_n,
-            "innovation_squared": median,
+            "apparent_force_n": _median(self.forces),
+            "innovation_squared": _median(self.innovations),
             "inconsistent_percent": 100.0 * share,
         }
+
+
+def _median(values: list[float]) -> float:
+    return float(np.median(values)) if values else float("nan")
 
 
 def watch(client: Arm, manoeuvre: Manoeuvre) -> tuple[Watch, Recorded]:
     """Run and record a manoeuvre, and watch the estimates meanwhile."""
     seen = Watch()
     client.arm()
-    with client.estimates().subscribe(seen.add_estimate), client.mismatches().subscribe(seen.add_mismatch):
+    with (
+        client.states().subscribe(seen.add_state),
+        client.estimates().subscribe(seen.add_estimate),
+        client.mismatches().subscribe(seen.add_mismatch),
+    ):
         run = run_manoeuvre(client, manoeuvre, lambda _: None)
     client.disarm()
     return seen, run
@@ -148,10 +157,12 @@ def main(out: Path, specimen: str | None, endpoint: str) -> None:
     for finding in report.findings:
         say(finding.statement)
     _, changed, after = watched
+    ratio = _median(after.forces) / _median(changed.forces)
     notes = (
-        f"Concealed: chamber 0 lost {-100 * EFFECT['change']:.0f} %. No force acted on the arm: "
-        "what it shows before the change is the error of its model.",
-        f"Error ratio {after.force_n / changed.force_n:.3g}. Verdict: {report.verdict}.",
+        f"Concealed: chamber {CHAMBER} lost {-100 * EFFECT['change']:.0f} %. No force acted on the arm: what "
+        f"it shows before the change is the error of its model. Medians while chamber {CHAMBER} is filled.",
+        f"Apparent force with what was found over that after the change: {ratio:.3g}. "
+        f"Verdict: {report.verdict}.",
     )
     names = ("before the change", "after the change", "with what was found")
     rows = [seen.row(name) for seen, name in zip(watched, names, strict=True)]

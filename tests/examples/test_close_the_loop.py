@@ -9,7 +9,7 @@ import pytest
 from click.testing import CliRunner
 
 from softarm.experiments.excitation_plan import manoeuvres_of
-from softarm_client.messages import Estimate, LoadEstimate, Mismatch
+from softarm_client.messages import Estimate, LoadEstimate, Mismatch, State
 
 FILE = Path(__file__).parents[2] / "examples" / "close_the_loop.py"
 
@@ -24,9 +24,13 @@ def loop() -> ModuleType:
     return module
 
 
-def estimate(force: tuple[float, float, float], status: str = "converged") -> Estimate:
-    loads = (LoadEstimate.model_construct(section="tip", force_n=force, covariance_n2=()),)
-    return Estimate.model_construct(status=status, loads=loads)
+def estimate(*forces: tuple[float, float, float], status: str = "converged") -> Estimate:
+    loads = [LoadEstimate.model_construct(section="tip", force_n=one, covariance_n2=()) for one in forces]
+    return Estimate.model_construct(status=status, loads=tuple(loads))
+
+
+def state(asked_pa: float) -> State:
+    return State.model_construct(asked_pa=(asked_pa, *[0.0] * 5))
 
 
 def mismatch(value: float, *, consistent: bool) -> Mismatch:
@@ -35,9 +39,11 @@ def mismatch(value: float, *, consistent: bool) -> Mismatch:
 
 def test_forces_and_verdicts_are_summed_up(loop: ModuleType):
     seen = loop.Watch()
-    seen.add_estimate(estimate((0.3, 0.0, 0.0)))
-    seen.add_estimate(estimate((0.0, 0.4, 0.0)))
-    seen.add_estimate(estimate((9.0, 0.0, 0.0), "not_converged"))
+    seen.add_estimate(estimate((9.0, 0.0, 0.0)))
+    seen.add_state(state(2e4))
+    seen.add_estimate(estimate((0.0, 0.2, 0.0), (0.0, 0.1, 0.0)))
+    seen.add_estimate(estimate((0.0, 0.4, 0.0), (0.0, 0.0, 0.0)))
+    seen.add_estimate(estimate((9.0, 0.0, 0.0), status="not_converged"))
     seen.add_mismatch(mismatch(4.0, consistent=False))
     seen.add_mismatch(mismatch(1.0, consistent=True))
     row = seen.row("plain")
@@ -47,7 +53,8 @@ def test_forces_and_verdicts_are_summed_up(loop: ModuleType):
 
 
 def test_nothing_seen_is_no_number(loop: ModuleType):
-    assert np.isnan(loop.Watch().force_n)
+    row = loop.Watch().row("plain")
+    assert np.isnan([value for key, value in row.items() if key != "specimen"]).all()
 
 
 def test_its_manoeuvres_are_on_the_menu_of_the_fake_arm(loop: ModuleType):
