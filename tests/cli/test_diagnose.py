@@ -34,17 +34,20 @@ def test_terminal_json_and_page_hold_the_same_diagnosis(
     valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "out"
-    assert run(["diagnose", str(valve), "--specimen", "sopra", "--out", str(out), "--jobs", "1"]) == 0
-    printed = capsys.readouterr().out
+    written = tmp_path / "mine.toml"
+    words = ["--specimen", "sopra", "--out", str(out), "--jobs", "1", "--write-specimen", str(written)]
+    assert run(["diagnose", str(valve), *words]) == 0
+    printed, said = capsys.readouterr()
+    assert f"wrote {written} without pressure_bias, line_lag: only what was fitted to the motion" in said
     report = json.loads((out / "report.json").read_text())
     effects = {finding["effect"]: finding for finding in report["findings"]}
     bias = effects["pressure_bias"]["parameters"]["bias"]
     assert bias["value"] == pytest.approx(-3000.0, abs=300.0)
     assert f"bias {1e-3 * bias['value']:.4g} ±" in printed
     assert "kPa; removes" in printed
-    assert report["heldout"]["unit"] == {"pressure_0": "kPa"}
-    after = report["heldout"]["rms_after"]["pressure_0"]
-    assert f"to {after:.3g} kPa" in printed
+    assert report["heldout"]["unit"] == {}
+    after = report["heldout"]["pressure_rms_pa"]["pressure_0"][1]
+    assert f"to {1e-3 * after:.3g} kPa" in printed
     assert printed.rstrip().endswith(f"Report: {out / 'report.html'}")
     page = (out / "report.html").read_text()
     assert all(finding["statement"].split(".")[0] in page for finding in report["findings"])

@@ -1,5 +1,6 @@
 """An internal error ends in one line, with its traceback on request; Ctrl-C ends as shells expect."""
 
+import io
 from pathlib import Path
 from typing import IO
 
@@ -37,6 +38,16 @@ def test_ctrl_c_is_one_line_and_status_130(
     monkeypatch.setattr(cli.softarm, "main", interrupt)
     assert cli.run(["demo"]) == 130
     assert capsys.readouterr().err == "softarm: interrupted\n"
+
+
+def test_an_input_that_ends_at_a_question_is_wrong_use(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("sys.stdin", io.StringIO("my_arm\n"))
+    assert cli.run(["specimen", "new"]) == 2
+    assert "softarm: standard input ended before every question was answered" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_ctrl_c_while_a_file_is_written_leaves_nothing(

@@ -5,7 +5,7 @@ import pytest
 
 from softarm.cli import run
 from softarm.cli.bench import LABORATORY_BENCHMARKS, benchmarks, command
-from softarm.cli.output import ProgressLines, progress, show
+from softarm.cli.output import Pace, ProgressLines, progress, show
 from softarm.common.tables import Table, as_markdown, heading, text
 
 
@@ -110,6 +110,17 @@ def test_the_first_steps_of_long_work_tell_no_time_left(capsys: pytest.CaptureFi
     now[0] = 28.0
     lines.advance(1.0)
     assert capsys.readouterr().err == "calibrating arm: 0 % after 28 s\n"
+
+
+def test_the_first_step_which_compiles_does_not_count_towards_the_time_left() -> None:
+    now = [0.0]
+    pace = Pace(100.0, lambda: now[0])
+    shown = []
+    for seconds in (60.0, 1.0, 1.0):
+        now[0] += seconds
+        pace.advance(1.0)
+        shown.append(pace.left)
+    assert shown == ["", "", "at most about 97 s left"]
 
 
 def test_quick_work_on_a_pipe_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:

@@ -140,7 +140,14 @@ def run(arguments: Sequence[str] | None = None) -> int:
             raise
         click.echo(f"softarm: {error.filename}: {error.strerror}; give a path that can be used", err=True)
         return 2
-    except (click.Abort, KeyboardInterrupt):
+    except (click.Abort, KeyboardInterrupt) as error:
+        if isinstance(error.__context__, EOFError):  # Click raises the same error for Ctrl-C
+            click.echo(
+                "softarm: standard input ended before every question was answered; run the command in a "
+                "terminal, or pipe in one line per question",
+                err=True,
+            )
+            return 2
         click.echo("softarm: interrupted", err=True)
         return INTERRUPTED
     return result if isinstance(result, int) else 0

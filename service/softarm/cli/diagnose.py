@@ -123,7 +123,7 @@ def command(
     from softarm.analysis.diagnosis.html import write_html
     from softarm.analysis.diagnosis.motion import write_motions
     from softarm.analysis.diagnosis.report import report_of
-    from softarm.analysis.diagnosis.run import DiagnosisRequest, improved_specimen, run
+    from softarm.analysis.diagnosis.run import DiagnosisRequest, beside_the_model, improved_specimen, run
     from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
     from softarm.analysis.offline.inputs import load_recordings, specimen_of
@@ -150,7 +150,7 @@ def command(
         say(f"wrote {write_motions(outcome.diagnosis, robot, out)}")
     if write_specimen is not None:
         save_specimen(improved_specimen(robot, outcome), write_specimen)
-        say(f"wrote {write_specimen}")
+        say(f"wrote {write_specimen}{_without(beside_the_model(outcome))}")
     if out is not None:
         write_digest(digest, out)
     if as_json:
@@ -161,3 +161,10 @@ def command(
         where = f"Report: {out / HTML}" if out is not None else "Add --out FOLDER to write the whole report."
         click.echo(where)
     return 0
+
+
+def _without(effects: tuple[str, ...]) -> str:
+    """State which effects a written specimen does not contain, and why."""
+    if not effects:
+        return ""
+    return f" without {', '.join(effects)}: only what was fitted to the motion is physics of the model"

@@ -36,7 +36,7 @@ NAMES = {"fem": "finite elements", "rod": "calibrated rod"}
 @recording_argument
 @specimen_option
 @out_option("File or folder for the estimates: .mcap, .csv, .parquet or a folder.")
-@click.option("--plots", type=FOLDER, help="Folder for the plots; by default plots/NAME.")
+@click.option("--plots", type=FOLDER, help="Folder for the plots; by default plots/NAME beside --out.")
 @click.option(
     "--rate",
     type=click.FloatRange(min=0.0, min_open=True),
@@ -87,8 +87,7 @@ def command(
     from softarm.estimator.calibration import arrange
     from softarm.recordings import output_file, save_recording
 
-    if out is not None:
-        output_file(out, force=force)
+    beside = Path() if out is None else output_file(out, force=force).parent
     (loaded,) = load_recordings([recording], window)
     robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
     intake = taken_in(loaded, robot, say)
@@ -107,7 +106,7 @@ def command(
             "before them did not converge: calibrate the specimen first"
         )
     show(*tables(found, loaded.name), as_json=as_json)
-    folder = plots or Path("plots") / loaded.name
+    folder = plots or beside / "plots" / loaded.name
     for path in plot_track(found, loaded.name, folder, surface):
         say(f"wrote {path}")
     if out is not None:

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 
 import click
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table as RichTable
 
 from softarm.common.tables import Cell, Table, heading, text
@@ -25,7 +25,7 @@ PICTURE = click.Path(path_type=Path, dir_okay=False)
 LINE_EVERY_S = 10.0
 """Time between two lines of progress where stderr is no terminal."""
 LEAST_SHARE = 0.02
-"""Share of the work from which the time left is told: what begins a task says little of the rest."""
+"""Share of the work, after its first step, from which the time left is shown."""
 
 
 def show(*tables: Table, as_json: bool) -> None:
@@ -72,14 +72,61 @@ def progress(what: str, total: float | None = None) -> Iterator[Callable[[float]
     if not console.is_terminal:
         yield ProgressLines(what, total).advance
         return
-    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    pace = Pace(total)
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TimeElapsedColumn(),
+        TextColumn("{task.fields[left]}"),
+    )
     with Progress(*columns, console=console, transient=True) as bar:
-        task = bar.add_task(what, total=total)
+        task = bar.add_task(what, total=total, left="")
 
         def advance(steps: float) -> None:
-            bar.advance(task, steps)
+            pace.advance(steps)
+            bar.update(task, advance=steps, left=pace.left)
 
         yield advance
+
+
+class Pace:
+    """Counts steps, and estimates the time left from those after the first, which often compiles and loads.
+
+    Args:
+        total: Steps to do, at most; ``None`` where that is not known.
+        clock: Monotonic time [s].
+    """
+
+    def __init__(self, total: float | None, clock: Callable[[], float] = time.monotonic) -> None:
+        self._total = total
+        self._clock = clock
+        self._began_s = self._now_s = clock()
+        self._done = 0.0
+        self._first: tuple[float, float] | None = None
+
+    def advance(self, steps: float) -> None:
+        """Count steps that are done."""
+        self._done += steps
+        self._now_s = self._clock()
+        self._first = self._first or (self._done, self._now_s)
+
+    @property
+    def so_far(self) -> str:
+        """What is done, in how much time."""
+        spent_s = self._now_s - self._began_s
+        if not self._total:
+            return f"{self._done:.0f} steps in {spent_s:.0f} s"
+        return f"{100.0 * min(self._done / self._total, 1.0):.0f} % after {spent_s:.0f} s"
+
+    @property
+    def left(self) -> str:
+        """At most how much time is left, empty while nobody knows."""
+        if not self._total or self._first is None:
+            return ""
+        done, since_s = self._done - self._first[0], self._now_s - self._first[1]
+        if done < LEAST_SHARE * self._total:
+            return ""
+        return f"at most about {since_s * max(self._total - self._done, 0.0) / done:.0f} s left"
 
 
 class ProgressLines:
@@ -93,27 +140,18 @@ class ProgressLines:
 
     def __init__(self, what: str, total: float | None, clock: Callable[[], float] = time.monotonic) -> None:
         self._what = what
-        self._total = total
+        self._pace = Pace(total, clock)
         self._clock = clock
-        self._began_s = self._said_s = clock()
-        self._done = 0.0
+        self._said_s = clock()
 
     def advance(self, steps: float) -> None:
         """Count steps that are done."""
-        self._done += steps
+        self._pace.advance(steps)
         now_s = self._clock()
         if now_s - self._said_s >= LINE_EVERY_S:
             self._said_s = now_s
-            say(f"{self._what}: {self._how_far(now_s - self._began_s)}")
-
-    def _how_far(self, spent_s: float) -> str:
-        if not self._total:
-            return f"{self._done:.0f} steps in {spent_s:.0f} s"
-        share = min(self._done / self._total, 1.0)
-        so_far = f"{100.0 * share:.0f} % after {spent_s:.0f} s"
-        if share < LEAST_SHARE:
-            return so_far
-        return f"{so_far}, at most about {spent_s * (1.0 - share) / share:.0f} s left"
+            left = self._pace.left
+            say(f"{self._what}: {self._pace.so_far}{left and f', {left}'}")
 
 
 def say(message: str) -> None:

@@ -118,7 +118,7 @@ def test_a_report_holds_what_the_contract_lists() -> None:
     assert (finding["probability"], finding["interval"], finding["recording"]) == (None, None, None)
 
 
-def test_held_out_errors_are_in_degrees_millimetres_and_kilopascals() -> None:
+def test_held_out_errors_are_in_degrees_and_millimetres_and_those_of_valves_apart() -> None:
     whole = _diagnosis()
     errors = {
         "bend_tip.x": ChannelError("rad", np.pi / 180.0, np.pi / 360.0),
@@ -126,9 +126,10 @@ def test_held_out_errors_are_in_degrees_millimetres_and_kilopascals() -> None:
         "pressure_0": ChannelError("Pa", 900.0, 50.0),
     }
     told = report_of(replace(whole, heldout=replace(whole.heldout, channels=errors))).heldout
-    assert told.unit == {"bend_tip.x": "deg", "marker_tip1.x": "mm", "pressure_0": "kPa"}
-    assert told.rms_before == pytest.approx({"bend_tip.x": 1.0, "marker_tip1.x": 4.0, "pressure_0": 0.9})
-    assert told.rms_after == pytest.approx({"bend_tip.x": 0.5, "marker_tip1.x": 1.0, "pressure_0": 0.05})
+    assert told.unit == {"bend_tip.x": "deg", "marker_tip1.x": "mm"}
+    assert told.rms_before == pytest.approx({"bend_tip.x": 1.0, "marker_tip1.x": 4.0})
+    assert told.rms_after == pytest.approx({"bend_tip.x": 0.5, "marker_tip1.x": 1.0})
+    assert told.pressure_rms_pa == {"pressure_0": (900.0, 50.0)}
 
 
 def test_a_probability_lies_between_nought_and_one() -> None:

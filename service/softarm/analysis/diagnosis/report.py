@@ -17,8 +17,8 @@ FILE = "report.json"
 
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Probability = Annotated[float, Field(ge=0.0, le=1.0)]
-Unit = Literal["deg", "mm", "kPa"]
-UNITS: dict[str, Unit] = {"rad": "deg", "m": "mm", "Pa": "kPa"}
+Unit = Literal["deg", "mm"]
+UNITS: dict[str, Unit] = {"rad": "deg", "m": "mm"}
 
 
 class _Part(BaseModel):
@@ -82,12 +82,17 @@ class FindingPart(_Part):
 
 
 class HeldoutPart(_Part):
-    """Prediction of data that no fit and no choice has seen."""
+    """Prediction of data that no fit and no choice has seen.
+
+    Args:
+        pressure_rms_pa: Errors of set-point and of the valve's law, where only valves were recorded.
+    """
 
     rms_before: dict[str, Number]
     rms_after: dict[str, Number]
     rms_linear_regression: dict[str, Number] = Field(default_factory=dict)
     unit: dict[str, Unit]
+    pressure_rms_pa: dict[str, tuple[Number, Number]] = Field(default_factory=dict)
     normalised_rms_before: Number
     normalised_rms_after: Number
     gain_ci95: tuple[Number, Number]
@@ -148,7 +153,8 @@ class Report(_Part):
 
 def report_of(diagnosis: Diagnosis) -> Report:
     """Write a diagnosis down."""
-    heldout, test, channels = diagnosis.heldout, diagnosis.heldout.innovations, diagnosis.heldout.channels
+    heldout, test = diagnosis.heldout, diagnosis.heldout.innovations
+    channels = {name: one for name, one in heldout.channels.items() if one.unit in UNITS}
     shown = {unit: readable(unit)[0] for unit in UNITS}
     return Report(
         schema=SCHEMA,
@@ -164,6 +170,9 @@ def report_of(diagnosis: Diagnosis) -> Report:
                 name: shown[one.unit] * one.line for name, one in channels.items() if one.line is not None
             },
             unit={name: UNITS[one.unit] for name, one in channels.items()},
+            pressure_rms_pa={
+                name: (one.before, one.after) for name, one in heldout.channels.items() if one.unit == "Pa"
+            },
             normalised_rms_before=heldout.before,
             normalised_rms_after=heldout.after,
             gain_ci95=heldout.gain_ci95,
