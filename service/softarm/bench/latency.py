@@ -115,11 +115,11 @@ seconds_option = click.option(
 def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> int:
     """Time estimates from the packet to a subscriber in another process, on the fakes.
 
-    From the arrival of a packet's last byte in the service's process to the decoded estimate in a zenoh
-    subscriber of this one, the arm moving all the while: at 100 Hz with the converged finite elements and
-    with the calibrated rod, and at 1 kHz with the rod; then each with another process that computes. Fails
-    where the median without it exceeds 12 ms (finite elements) or 2 ms (rod), or where the service would
-    not run on the rod because it is too far from the finite elements.
+    The latency is the time from the arrival of a packet's last byte at the service to the decoded estimate at
+    a zenoh subscriber in this process, while the arm moves. The benchmark measures the converged finite
+    elements at 100 Hz, and the calibrated rod at 100 Hz and 1 kHz; then each again beside a process that
+    computes. The exit status is 1 if a median without that process exceeds 12 ms (finite elements) or 2 ms
+    (rod), or if the rod is too far from the finite elements for the service to run on it.
 
     Example: softarm bench latency
     """

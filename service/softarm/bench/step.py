@@ -237,9 +237,10 @@ def _solver_row(name: str, times: Floats, reference: float) -> dict[str, Cell]:
 def command(name: str, quick: bool, as_json: bool) -> int:
     """Time a step of the estimator, part by part.
 
-    Processor time of the calling thread, so that another program on the machine disturbs little; the work of
-    the background thread is not in it. The motion goes on at 100 Hz; sensors are two orientations and all
-    pressures, unknown are four forces, and every scheme but the first iterates to the nonlinear optimum.
+    The benchmark measures the processor time of the calling thread, so that other programs disturb it little;
+    the work of the background thread is not included. The arm moves all the while, with an estimate every
+    10 ms. The sensors are two orientations and all pressures; four forces are unknown. Every scheme but the
+    first iterates to the nonlinear optimum.
 
     Example: softarm bench step --quick
     """

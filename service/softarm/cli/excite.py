@@ -16,7 +16,6 @@ from softarm.cli.output import (
     progress,
     say,
     show,
-    specimen_option,
 )
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Cell, Table
@@ -54,7 +53,12 @@ if TYPE_CHECKING:
 @click.option("--dry-run", is_flag=True, help="Print the plan and move nothing.")
 @click.option("--plot", type=PICTURE, help="Write a picture of the planned pressures.")
 @folder_option("With --fake: folder of the service's configuration, logs and recordings.", "out/excite")
-@specimen_option
+@click.option(
+    "--specimen",
+    "-s",
+    metavar="S",
+    help="With --fake or --dry-run: a specimen file, or the name of a shipped one.",
+)
 @json_option
 def command(
     arm: str | None,

@@ -15,8 +15,8 @@ from softarm_client.ros.bridge import serve
 def command(arm: str, endpoint: str, zenoh_config: Path | None, arguments: tuple[str, ...]) -> None:
     """Offer a running arm in ROS 2: poses, forces, pressures and diagnostics as topics, commands as services.
 
-    Needs rclpy, which comes with ROS 2; docs/ros.md tells how to get it, and lists topics and services. Waits
-    for the arm's service, and runs until Ctrl-C.
+    The command needs rclpy, which comes with ROS 2; docs/ros.md describes how to get it, and lists topics and
+    services. It waits for the arm's service and runs until Ctrl-C.
 
     Example: softarm ros --arm sopra --endpoint tcp/192.168.1.20:7447
     """
