@@ -6,9 +6,11 @@ import pytest
 from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import diagnose as whole
+from softarm.estimator.diagnosis.conclude import surprise
 from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, assemble, begin, diagnose
 from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
-from softarm.estimator.diagnosis.session import Session
+from softarm.estimator.diagnosis.prepare import blocks_of
+from softarm.estimator.diagnosis.session import Session, channels
 from softarm.estimator.diagnosis.split import hold_out
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
 from softarm.estimator.specimen.physics import Place
@@ -43,6 +45,34 @@ def test_nothing_new_is_consistent() -> None:
     found = _diagnose(trial([])).diagnosis
     assert found.verdict == "consistent"
     assert not found.findings
+
+
+def _seven_samples(seed: int) -> Session:
+    """Cut a recording to seven samples."""
+    run = session("run", seed)
+    short = run.thin(np.isin(np.arange(run.samples), 100 + 20 * np.arange(7)))
+    return replace(short, blocks=blocks_of(short.clock))
+
+
+@pytest.mark.parametrize("seed", range(23, 30))
+def test_what_a_few_samples_leave_open_is_no_missing_physics(seed: int) -> None:
+    found = _diagnose([_seven_samples(seed)]).diagnosis
+    assert found.verdict == "consistent"
+    assert found.heldout.after > 1.0  # the prediction is uncertain, and says so
+
+
+def test_the_surprise_is_the_error_over_its_covariance() -> None:
+    search = begin(assemble(model(), [_seven_samples(24)], Inline(), TRIED).evidence, fast=True)
+    (stage,), (columns,) = search.evidence.stages, search.evidence.columns
+    confirming = stage.session.heldout & ~stage.session.reported
+    learnt = search.folds(None).whole
+    noise = np.array([search.evidence.floors[name] for name in channels(stage.suite)])
+    left = (stage.residual - columns @ learnt.mean)[confirming] / noise
+    change = (columns / noise[:, None])[confirming].reshape(left.size, -1)
+    unknown = np.linalg.inv(learnt.fraction * learnt.data.matrix + learnt.prior.precision)
+    covariance = np.eye(left.size) + change @ unknown @ change.T
+    expected = np.sqrt(left.ravel() @ np.linalg.solve(covariance, left.ravel()) / left.size)
+    assert surprise(search, None) == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_weak_chamber_is_named_and_placed(weak: DiagnosisOutcome) -> None:

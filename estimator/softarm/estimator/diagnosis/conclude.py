@@ -10,6 +10,7 @@ from softarm.estimator.diagnosis.candidates import Accepted, ChosenEffects, incl
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Marginaliser
+from softarm.estimator.diagnosis.gaussian import Factor
 from softarm.estimator.diagnosis.innovations import (
     Residuals,
     channel_errors,
@@ -77,10 +78,8 @@ class Predictions:
         )
 
 
-def held_out(
-    search: Search, before: Fit | None, after: Fit | None, *, known: bool = False, confirming: bool = False
-) -> Predictions:
-    """Predict held-out stretches without and with effects: those that have decided nothing.
+def held_out(search: Search, before: Fit | None, after: Fit | None, *, known: bool = False) -> Predictions:
+    """Predict reported stretches without and with effects: those that have decided nothing.
 
     Common coefficients are those of the model with the effects, learnt outside these stretches. Squares are
     over the noise of quiet stretches; where the arm vibrates after fast changes they count less.
@@ -91,30 +90,59 @@ def held_out(
         after: Effects with them.
         known: Whether the model without effects is the one that was known before any of the recordings in
             question was seen.
-        confirming: Predict the stretches on which the choice was confirmed instead.
     """
     learnt = learnt_coefficients(search, after)
     common = search.prior.mean if known else learnt
-    first, counts = _squares(search, before, common, confirming=confirming)
-    last, _ = _squares(search, after, learnt, confirming=confirming)
+    first, counts = _squares(search, before, common)
+    last, _ = _squares(search, after, learnt)
     return Predictions(first, last, counts)
 
 
-def _squares(search: Search, fit: Fit | None, common: Floats, *, confirming: bool) -> tuple[Floats, Floats]:
-    """Give the squares over the noise, and their number, of each held-out stretch."""
-    floors = search.evidence.floors
+def surprise(search: Search, fit: Fit | None) -> float:
+    """Return the rms of what is left of the confirming data, over what the model expects of its own errors.
+
+    Errors e = r - C m have the covariance S = N + C P C^T, N of the noise of quiet stretches, P of the common
+    coefficients that the searched stretches leave open: what few samples predict is uncertain, and to err so
+    far is no sign that something is missing. By Woodbury's identity e^T S^-1 e = e^T N^-1 e - v^T (P^-1 + C^T
+    N^-1 C)^-1 v, with v = C^T N^-1 e.
+    """
+    learnt = search.folds(fit).whole
+    known = learnt.fraction * learnt.data.matrix + learnt.prior.precision
+    cross, squares, count = np.zeros(len(learnt.mean)), 0.0, 0
+    for number, residual in enumerate(search.residuals(fit)):
+        stage, columns = search.evidence.stages[number], search.evidence.columns[number]
+        unseen = (stage.session.heldout & ~stage.session.reported)[:, None] & np.isfinite(residual)
+        if stage.session.nominal or not unseen.any():
+            continue
+        scale = _over_noise(search, stage)[unseen]
+        change = columns[unseen] * scale[:, None]
+        error = residual[unseen] * scale - change @ learnt.mean
+        known, cross = known + change.T @ change, cross + change.T @ error
+        squares, count = squares + float(error @ error), count + len(error)
+    return float(np.sqrt(max(squares - float(cross @ Factor.of(known).solve(cross)), 0.0) / max(count, 1)))
+
+
+def _over_noise(search: Search, stage: Stage) -> Floats:
+    """Return one over the noise of quiet stretches, less where the arm vibrates, shape (samples, rows)."""
+    names = channels(stage.suite)
+    row = np.array([search.weights.scale[name] for name in names])
+    calm: Floats = (
+        row / np.hypot(row, stage.model_error_std) / [search.evidence.floors[name] for name in names]
+    )
+    return calm
+
+
+def _squares(search: Search, fit: Fit | None, common: Floats) -> tuple[Floats, Floats]:
+    """Give the squares over the noise, and their number, of each reported stretch."""
     squares: list[float] = []
     counts: list[float] = []
     for number, residual in enumerate(search.residuals(fit)):
         stage = search.evidence.stages[number]
         session = stage.session
-        unseen = session.heldout & ~session.reported if confirming else session.reported
+        unseen = session.reported
         if session.nominal or not unseen.any():
             continue
-        names = channels(stage.suite)
-        row = np.array([search.weights.scale[name] for name in names])
-        calm = row / np.hypot(row, stage.model_error_std) / [floors[name] for name in names]
-        squared = ((residual - search.evidence.columns[number] @ common) * calm) ** 2
+        squared = ((residual - search.evidence.columns[number] @ common) * _over_noise(search, stage)) ** 2
         for block in np.unique(session.blocks[unseen]):
             chosen = squared[(session.blocks == block) & unseen]
             squares.append(float(np.nansum(chosen)))

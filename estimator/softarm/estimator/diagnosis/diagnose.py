@@ -16,6 +16,7 @@ from softarm.estimator.diagnosis.conclude import (
     held_out,
     heldout_result,
     proven,
+    surprise,
     unknown,
 )
 from softarm.estimator.diagnosis.detection import detection_limits
@@ -287,8 +288,7 @@ def decide(search: Search) -> Decision:
         law = replace(law, probability=probability) if probability >= CREDIBLE else None
     if law is not None:
         choice, sizes = replace(choice, accepted=(), fit=None), None
-    confirming = held_out(search, None, choice.fit, known=choice.fit is not None, confirming=True)
-    remainder = _remainder(search, choice, confirming.rms()[1])
+    remainder = _remainder(search, choice)
     changed = law is not None or remainder > STRUCTURE or _changed(search, choice)
     return Decision(
         replace(choice, fit=sizes), (*unproven, *fragments), law, unnamed.probability, remainder, changed
@@ -397,15 +397,16 @@ def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:
     return Baseline(rms, {name: floors[name] for name in rms}, kinds, whole)
 
 
-def _remainder(search: Search, choice: ChosenEffects, over_noise: float) -> float:
+def _remainder(search: Search, choice: ChosenEffects) -> float:
     """Give what the library cannot explain of the recordings in question, over the same of nominal ones.
 
-    Without nominal recordings it is over the noise: then nobody says that a mismatch is usual.
+    Without nominal recordings it is over the noise and what few samples leave open: then nobody says that a
+    mismatch is usual.
     """
     evidence, weights = search.evidence, search.weights
     remaining = evidence.leftover(weights, search.residuals(choice.fit), nominal=False)
     known = evidence.leftover(weights, evidence.residuals, nominal=True)
-    return remaining / known if known > 0.0 else max(remaining, over_noise)
+    return remaining / known if known > 0.0 else max(remaining, surprise(search, choice.fit))
 
 
 def _map(search: Search, choice: ChosenEffects | None) -> LocationMap:
