@@ -45,7 +45,7 @@ def test_an_input_that_ends_at_a_question_is_wrong_use(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("sys.stdin", io.StringIO("my_arm\n"))
-    assert cli.run(["specimen", "new"]) == 2
+    assert cli.run(["specimen", "new", "--out", "arm.toml"]) == 2
     assert "softarm: standard input ended before every question was answered" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []
 

@@ -77,6 +77,7 @@ def test_a_report_holds_what_the_contract_lists() -> None:
         "rms_before",
         "rms_after",
         "rms_linear_regression",
+        "pressure_rms_pa",
         "unit",
         "normalised_rms_before",
         "normalised_rms_after",
