@@ -41,7 +41,7 @@ def test_a_round_arm_is_drawn_round() -> None:
     [
         ('schema = "softarm.specimen/1"\nname = 3\n', "name"),
         ('specimen = "sopra"\n[control]\nrate = 3\n', "rate"),
-        ("specimen = \n", "not valid TOML"),
+        ("specimen = \n", "is not TOML"),
     ],
 )
 def test_a_file_that_is_wrong_is_refused_by_field(

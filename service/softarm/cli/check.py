@@ -1,11 +1,11 @@
 """``softarm check``: what a specimen or a configuration says, and whether it is valid."""
 
-import tomllib
 from pathlib import Path
 
 import click
 
 from softarm.cli.output import PICTURE, json_option, say, show
+from softarm.common.files import read_toml
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import Setup, load_config
 from softarm.estimator.errors import InputError
@@ -56,10 +56,8 @@ def _is_configuration(file: str) -> bool:
         )
     if not path.is_file():
         return False
-    try:
-        return any(key in CONFIGURATION for key in tomllib.loads(path.read_text("utf-8")))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(file, f"not valid TOML ({error})", "correct that place") from error
+    table, _ = read_toml(path)
+    return any(key in CONFIGURATION for key in table)
 
 
 def draw(specimen: Specimen, picture: Path) -> None:

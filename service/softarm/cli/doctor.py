@@ -2,7 +2,6 @@
 
 import asyncio
 import logging
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -12,6 +11,7 @@ import click
 
 from softarm.cli.output import PATH, json_option, progress, show
 from softarm.common.errors import WorkFailedError
+from softarm.common.files import read_toml
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import ConfigError, load_config
 from softarm.daemon.control.lateness import LATE_NS, STARVED_PERCENT, read_pressure
@@ -181,12 +181,7 @@ def read_devices(path: Path) -> tuple[DriverConfig, ...]:
         ConfigError: Its devices are wrong, or it is a configuration that the service refuses, all errors at
             once.
     """
-    try:
-        table = tomllib.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})", "give a configuration") from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"is not TOML ({error})", "correct the file") from None
+    table, _ = read_toml(path, "give a configuration")
     if "specimen" in table:
         load_config(path)
     devices = table.get("devices")

@@ -1,12 +1,45 @@
-"""Output files that appear whole or not at all."""
+"""Files: TOML that is read, outputs that appear whole or not at all."""
 
 import os
 import tempfile
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from softarm.estimator.errors import InputError
+
+
+def read_toml(path: Path, advice: str = "check the path") -> tuple[dict[str, Any], str]:
+    """Read a TOML file; return its table and its text.
+
+    Args:
+        path: The file.
+        advice: What to do where there is no file.
+
+    Raises:
+        InputError: It cannot be read or is not TOML.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise InputError(str(path), f"cannot be read ({error.strerror})", advice) from None
+    return parse_toml(str(path), data), data.decode("utf-8-sig")
+
+
+def parse_toml(source: str, data: bytes) -> dict[str, Any]:
+    """Parse TOML; a mark of the byte order, which some editors write, is no error.
+
+    Raises:
+        InputError: It is not TOML in UTF-8.
+    """
+    try:
+        return tomllib.loads(data.decode("utf-8-sig"))
+    except UnicodeDecodeError as error:
+        raise InputError(source, f"cannot be read ({error.reason})", "write it in UTF-8") from None
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(source, f"is not TOML ({error})", "correct that line") from None
 
 
 def require_free(path: Path, *, force: bool) -> None:

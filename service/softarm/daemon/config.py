@@ -1,6 +1,5 @@
 """The configuration of one service: a TOML file, checked as a whole."""
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
+from softarm.common.files import read_toml
 from softarm.daemon.consistency import misfits
 from softarm.daemon.settings import (
     ControlSettings,
@@ -84,11 +84,7 @@ def load_config(path: Path) -> Setup:
         InputError: The file cannot be read or is not TOML.
         ConfigError: Every error at once, each with its path.
     """
-    text = _read(path)
-    try:
-        document = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InputError(str(path), f"not valid TOML ({error})", "correct that place") from error
+    document, text = read_toml(path)
     document.setdefault("arm", path.stem)
     # Every part is checked for itself, so that one wrong field does not hide the errors of the others.
     errors: list[str] = []
@@ -102,15 +98,6 @@ def load_config(path: Path) -> Setup:
     if errors or config is None or specimen is None:
         raise ConfigError(path, errors)
     return Setup(path, text, config, specimen, devices)
-
-
-def _read(path: Path) -> str:
-    try:
-        return path.read_text("utf-8")
-    except OSError as error:
-        raise InputError(str(path), f"cannot be read ({error.strerror})", "check the path") from error
-    except UnicodeDecodeError as error:
-        raise InputError(str(path), f"cannot be read ({error.reason})", "write it in UTF-8") from error
 
 
 def _validated(document: Mapping[str, Any], errors: list[str]) -> ServiceConfig | None:

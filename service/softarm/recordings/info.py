@@ -1,13 +1,13 @@
 """``recording.toml``: what is known of a run."""
 
 import math
-import tomllib
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
 import tomli_w
 
+from softarm.common.files import parse_toml
 from softarm.estimator.errors import InputError
 
 GRAVITY_RANGE = (9.0, 11.0)  # m/s2; on Earth 9.76 to 9.84, so anything else is another unit or incomplete
@@ -19,10 +19,7 @@ def parse_info(source: str, data: bytes) -> dict[str, Any]:
     Raises:
         InputError: It is not TOML, or a key has a value that cannot be used.
     """
-    try:
-        info = tomllib.loads(data.decode("utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(source, f"is not TOML ({error})", "correct that line") from None
+    info = parse_toml(source, data)
     for key, (usable, cure) in CHECKS.items():
         if key in info and not usable(info[key]):
             raise InputError(f"{source}, {key}", f"is {info[key]!r}", cure)

@@ -1,4 +1,4 @@
-"""Folders of sealed trials are read whole, or refused with what is missing; a run goes through them all."""
+"""Folders of sealed trials are read whole, or refused with what cannot be read; a run goes through them all."""
 
 import json
 from pathlib import Path
@@ -48,7 +48,7 @@ def test_a_specimen_beside_the_trial_is_taken(trials: Path):
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("", "names no specimen"), ("specimen = ", "cannot be read"), (None, "holds no trial")],
+    [("", "names no specimen"), ("specimen = ", "is not TOML"), (None, "holds no trial")],
 )
 def test_a_folder_that_is_not_complete_is_refused(trials: Path, text: str | None, words: str):
     file = trials / "one" / "trial.toml"
@@ -64,7 +64,7 @@ def test_answers_are_read_or_refused(tmp_path: Path):
     )
     answer = read_answer(tmp_path, "one")
     assert (answer.kind, answer.motion, answer.concealed[0].size) == ("single", "ordinary", {"lag": 0.3})
-    with pytest.raises(InputError, match="is missing"):
+    with pytest.raises(InputError, match="cannot be read"):
         read_answer(tmp_path, "two")
     (tmp_path / "two.toml").write_text('kind = "double"')
     with pytest.raises(InputError, match="use one of single"):

@@ -4,15 +4,15 @@
 ``ANSWERS/<name>.toml`` lists what was concealed. Only the scorer opens the answers.
 """
 
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
+from softarm.common.files import read_toml
 from softarm.estimator.errors import InputError
 
 TRIAL_FILE = "trial.toml"
+LAYOUT = "see docs/diagnosis-proof.md for the layout"
 KINDS = ("single", "pair", "null", "foreign")
 
 
@@ -83,7 +83,7 @@ def read_trial(folder: Path) -> Trial:
     Raises:
         InputError: It is not complete.
     """
-    table = _read_table(folder / TRIAL_FILE)
+    table, _ = read_toml(folder / TRIAL_FILE, LAYOUT)
     specimen = table.get("specimen")
     if not isinstance(specimen, str):
         raise InputError(str(folder / TRIAL_FILE), "names no specimen", 'add specimen = "..."')
@@ -114,7 +114,7 @@ def read_answer(folder: Path, trial: str) -> Answer:
         InputError: It is missing or incomplete.
     """
     path = folder / f"{trial}.toml"
-    table = _read_table(path)
+    table, _ = read_toml(path, LAYOUT)
     kind = table.get("kind")
     if kind not in KINDS:
         raise InputError(str(path), f"kind is {kind!r}", f"use one of {', '.join(KINDS)}")
@@ -124,12 +124,3 @@ def read_answer(folder: Path, trial: str) -> Answer:
             raise InputError(f"{path}, concealed[{number}]", "names no effect", 'add effect = "..."')
         concealed.append(Concealment(entry["effect"], entry.get("where", {}), entry.get("size", {})))
     return Answer(kind, tuple(concealed), str(table.get("motion", "")))
-
-
-def _read_table(path: Path) -> dict[str, Any]:
-    try:
-        return tomllib.loads(path.read_text("utf-8"))
-    except FileNotFoundError:
-        raise InputError(str(path), "is missing", "see docs/diagnosis-proof.md for the layout") from None
-    except (OSError, tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(str(path), f"cannot be read: {error}", "correct the file") from None
