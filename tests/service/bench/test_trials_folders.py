@@ -1,4 +1,4 @@
-"""Folders of sealed trials are read whole, or refused with what cannot be read; a run goes through them all."""
+"""Folders of sealed trials are read whole, or refused with what is missing; a run goes through them all."""
 
 import json
 from pathlib import Path
