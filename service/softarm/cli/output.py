@@ -34,6 +34,7 @@ def show(*tables: Table, as_json: bool) -> None:
         documents = [{"title": t.title, "rows": list(map(_clean, t.rows)), "notes": t.notes} for t in tables]
         click.echo(json.dumps(documents[0] if len(documents) == 1 else {"tables": documents}, indent=1))
         return
+    # A pipe has no width of its own, and the usual 80 columns would fold most tables.
     console = Console(width=None if Console().is_terminal else 160, highlight=False)
     for table in tables:
         console.print(_rich_table(table))

@@ -19,7 +19,7 @@ from softarm.common.errors import WorkFailedError
 from softarm.common.files import require_writable
 from softarm.common.rods import cache_directory, known_trusted_rod, trusted_rod
 from softarm.daemon.app import Replay, Service
-from softarm.daemon.config import load_config
+from softarm.daemon.config import Setup, load_config
 from softarm.daemon.notify import Notifier
 from softarm.daemon.unit import UNIT_FOLDERS
 from softarm.estimator.errors import InputError
@@ -48,9 +48,9 @@ def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> Non
     Example: softarm serve --config /etc/softarm/sopra.toml
     """
     with logged_off_loop(verbose):
-        _prepare(path)
+        setup = _prepared(path)
         try:
-            asyncio.run(_serve(path, None if replay is None else Replay(load_recording(replay), speed)))
+            asyncio.run(_serve(setup, None if replay is None else Replay(load_recording(replay), speed)))
         except (InputError, ClientError, WorkFailedError):
             raise
         except Exception:
@@ -81,8 +81,8 @@ def logged_off_loop(verbose: bool, stream: TextIO | None = None) -> Iterator[Non
         listener.stop()
 
 
-def _prepare(path: Path) -> None:
-    """Check the folders, and fit the rod that the configuration asks for where none is known yet.
+def _prepared(path: Path) -> Setup:
+    """Load the configuration, check its folders, and fit its rod where none is known yet.
 
     Raises:
         InputError: A folder cannot be written.
@@ -94,6 +94,7 @@ def _prepare(path: Path) -> None:
         require_writable(f"{path}, {name}", getattr(setup.config, name))
     if setup.config.control.model == "rod":
         _fit_rod(setup.specimen)
+    return setup
 
 
 def _fit_rod(specimen: Specimen) -> None:
@@ -113,9 +114,8 @@ def _fit_rod(specimen: Specimen) -> None:
         )
 
 
-async def _serve(path: Path, replay: Replay | None) -> None:
+async def _serve(setup: Setup, replay: Replay | None) -> None:
     sys.setswitchinterval(SWITCH_S)
-    setup = load_config(path)
     notifier = Notifier.from_environment()
     service = Service(setup, notifier, replay)
     loop = asyncio.get_running_loop()

@@ -101,12 +101,13 @@ class Service:
         self, on_result: Callable[[EstimationResult], None]
     ) -> Worker[EstimationRequest, EstimationResult]:
         config = self._setup.config
+        # A gauge is shown beside the estimated force; as a measurement it would be the force itself.
         sensors = tuple(sensor for sensor in config.sensors if sensor.kind != "gauge")
         self._worker = Worker[EstimationRequest, EstimationResult](
             SolverSettings(self._setup.specimen, sensors, config.control),
             on_result,
             self._take_surface,
-            nicer=NICER if config.control.model == "fem" else 0,
+            nicer=NICER if config.control.model == "fem" else 0,  # the rod leaves most of a core free
         )
         return self._worker
 
