@@ -3,9 +3,10 @@ import time
 import numpy as np
 import pytest
 
-from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
+from softarm.estimator.inverse import Estimator, LoadProcess, Tolerances, TrackerSettings
 from softarm.estimator.model import Inputs
 from softarm.estimator.sensing import ActuationMap, ModelError, Orientation, SensorSuite
+from tests.estimator.inverse.toy_arm import ToyArm
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
 SUITE = SensorSuite((Orientation("upper", 0, 2e-3), Orientation("lower", 1, 2e-3)))
@@ -85,3 +86,40 @@ def test_a_force_where_nobody_pulled_is_known_to_a_share_of_itself(arm):
 
     np.testing.assert_allclose(deviation(0.1)[0], 0.05 * 0.1, rtol=0.05)
     np.testing.assert_allclose(deviation(0.1)[2:], 0.0, atol=1e-9)
+
+
+class SettledArm(ToyArm):
+    """Linearises in equilibrium, as the rod does."""
+
+    def linearise(self, state, inputs):
+        return super().linearise(ToyArm(self.loads).solve(inputs, state)[0], inputs)
+
+
+def followed(arm, pressures, prepares):
+    """Follow the pressures of each instant; return the estimates."""
+    settings = TrackerSettings(
+        LoadProcess(np.ones(4), 0.5), ActuationMap(np.ones(6), np.zeros(6)), np.full(6, 65e3),
+        tolerances=Tolerances(step=1e-3),
+    )  # fmt: skip
+    follower, state, estimates = Estimator(arm, SUITE, settings), arm.rest(), []
+    for instant, pressure in enumerate(pressures):
+        inputs = Inputs(np.full(6, 1e3) + pressure * np.eye(6)[0], np.array([0.1, 0.0, 0.0, 0.05]), GRAVITY)
+        state, _ = arm.solve(inputs, state)
+        readings = SUITE.predict(arm.frames(state))
+        estimates.append(follower.update(0.01 * instant, readings, inputs.pressures, GRAVITY))
+        if prepares:
+            follower.prepare()
+    return estimates
+
+
+def test_an_estimate_that_was_prepared_takes_one_step_and_a_jump_takes_more(arm):
+    arm = SettledArm(arm.loads)
+    pressures = [*np.linspace(1e3, 2e3, 12), 3e4]
+    prepared, plain = followed(arm, pressures, prepares=True), followed(arm, pressures, prepares=False)
+    assert [estimate.iterations for estimate in prepared[3:12]] == [0] * 9
+    assert prepared[12].iterations > 0
+    assert min(estimate.iterations for estimate in plain) > 0
+    for one, other in zip(prepared, plain, strict=True):
+        assert one.converged
+        scale = np.array([2e4] * 6 + [0.5] * 4)
+        np.testing.assert_allclose(one.vector / scale, other.vector / scale, atol=1e-3)

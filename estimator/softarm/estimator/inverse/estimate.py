@@ -10,7 +10,7 @@ from numba import njit
 
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.inverse.limits import InputBounds
-from softarm.estimator.inverse.minimise import Linearised, Minimum, Tolerances, minimise
+from softarm.estimator.inverse.minimise import Linearised, Minimum, Tolerances, linearise_at, minimise
 from softarm.estimator.inverse.objectives import PRESSURES, Objective, WeightedRows
 from softarm.estimator.inverse.observability import Observability, analyse
 from softarm.estimator.inverse.program import sum_of
@@ -224,3 +224,7 @@ class Problem:
             force_ratios=self.force_ratios,
             relative_errors=self.relative_errors,
         )
+
+    def prepared(self, model: ArmModel[State, Step], estimate: ArmEstimate[State]) -> Linearised[State]:
+        """Linearise a model at an estimate, so that the next search has less to do; see ``linearise_at``."""
+        return linearise_at(model, self.unknowns, self.objectives, self.limits, estimate, self.gravity)

@@ -1,5 +1,6 @@
 """Sequential quadratic programming: inputs and state together, until both stand still."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, Literal, TypeVar, cast
@@ -19,6 +20,8 @@ Step = TypeVar("Step", bound=Linearisation)
 Status = Literal["converged", "iterations_exhausted", "diverged"]
 INSIGNIFICANT = 1e-4
 """Rise of the cost out of equilibrium, over it and over one, that no measurement could tell."""
+FORGETS = 1.1
+"""Factor by which a reach may grow from one instant to the next: one step may be bent little by chance."""
 
 
 @dataclass(frozen=True)
@@ -47,12 +50,22 @@ class Tolerances:
 
 @dataclass(frozen=True)
 class Linearised(Generic[State]):
-    """Where a search last linearised the model: a later one under the same model can set out from there."""
+    """Where a search last linearised the model: a later one under the same model can set out from there.
+
+    Args:
+        model: Model of the arm.
+        state: Its state.
+        inputs: Inputs there.
+        step: The linearisation.
+        reach: Size of a step from there that would leave one as large, in units of the inputs' scale: what
+            is left grows with the square of a step. 0 where it is not known.
+    """
 
     model: ArmModel[State, Any]
     state: State
     inputs: Inputs
     step: Linearisation
+    reach: float = 0.0
 
     def serves(self, model: ArmModel[State, Any], gravity: Floats) -> bool:
         """Return whether it is a linearisation of a model under a gravitational acceleration."""
@@ -73,6 +86,7 @@ class Minimum(Generic[State]):
         iterations: Number of new linearisations.
         residual_norm: Relative out-of-balance force of the last linearised state.
         last: That state with its linearisation.
+        reach: As of a ``Linearised``, by the first step of the search.
     """
 
     state: State
@@ -84,6 +98,7 @@ class Minimum(Generic[State]):
     iterations: int
     residual_norm: float
     last: Linearised[State]
+    reach: float
 
 
 def minimise(
@@ -111,11 +126,52 @@ def minimise(
         begun: Where an earlier search linearised the model; used in place of ``start`` where it serves.
     """
     tolerances = tolerances or Tolerances()
-    search = _Search(model, unknowns, tuple(objectives), limits, tolerances)
     state, inputs = start
     if begun is not None and begun.serves(model, inputs.gravity):
+        search = _Search(model, unknowns, tuple(objectives), limits, tolerances, begun.reach)
         return search.run(search.resumed(begun), inputs.gravity, 0)
+    search = _Search(model, unknowns, tuple(objectives), limits, tolerances)
     return search.run(search.linearised(state, inputs), inputs.gravity, 1)
+
+
+def linearise_at(
+    model: ArmModel[State, Step],
+    unknowns: Unknowns,
+    objectives: Sequence[Objective],
+    limits: InputBounds,
+    minimum: Minimum[State],
+    gravity: Floats,
+) -> Linearised[State]:
+    """Linearise where a search ended, and measure what its last step left.
+
+    A later search that sets out from there needs one step where that leaves little enough. This is the
+    preparation phase of the real-time iteration of M. Diehl, H. G. Bock and J. P. Schloeder (SIAM J. Control
+    Optim. 43, 2005).
+
+    Args:
+        model: Model of the arm; its linearisations are in equilibrium.
+        unknowns: As of the search.
+        objectives: Likewise.
+        limits: Likewise.
+        minimum: Where it ended.
+        gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
+    """
+    search = _Search(model, unknowns, tuple(objectives), limits, Tolerances())
+    inputs, reach = unknowns.inputs(minimum.vector, gravity), minimum.reach
+    point = search.linearised(minimum.state, inputs)
+    _, left = search.change(point, search.tolerances.radius)
+    if not (math.isfinite(left) and math.isfinite(point.residual_norm)):
+        return minimum.last
+    if minimum.iterations == 0:
+        change = (minimum.vector - unknowns.vector(minimum.last.inputs)) / unknowns.scale
+        reach = _reach(float(np.abs(change).max(initial=0.0)), left, reach)
+    return Linearised(model, point.state, inputs, point.step, reach)
+
+
+def _reach(size: float, left: float, before: float) -> float:
+    """Return the reach by what a step left, and by what was known before."""
+    measured = size**2 / left if left > 0.0 else math.inf
+    return min(measured, FORGETS * before) if before > 0.0 else measured
 
 
 @dataclass(frozen=True)
@@ -137,6 +193,7 @@ class _Search(Generic[State, Step]):
     objectives: tuple[Objective, ...]
     limits: InputBounds
     tolerances: Tolerances
+    reach: float = 0.0
 
     def linearised(self, state: State, inputs: Inputs) -> _Point[State, Step]:
         """Begin anew."""
@@ -148,28 +205,32 @@ class _Search(Generic[State, Step]):
 
     def run(self, point: _Point[State, Step], gravity: Floats, iterations: int) -> Minimum[State]:
         """Search from a point that took a number of linearisations."""
-        radius, last, retreats = self.tolerances.radius, np.inf, 0
+        radius, last, retreats = self.tolerances.radius, self.reach, 0
+        reach, second = self.reach, iterations + 1
         while True:
-            change, size = self._change(point, radius)
+            change, size = self.change(point, radius)
             if not np.isfinite(size):
-                return self._end(point, np.zeros_like(change), "diverged", iterations, gravity)
-            # Steps shrink by this rate, so the next one, which is the error left, is about as much smaller.
-            rate = min(size / last, 1.0) if np.isfinite(last) else 1.0
+                return self._end(point, np.zeros_like(change), "diverged", iterations, gravity, reach)
+            if iterations == second:
+                reach = _reach(last, size, self.reach)
+            # Steps shrink by this rate, so the next one, which is the error left, is about as much smaller;
+            # the first one by what is known of the curvature.
+            rate = min(size / last, 1.0) if last > 0.0 else 1.0
             settled = point.residual_norm * rate < self.tolerances.residual
             if size * rate < self.tolerances.step and settled:
-                return self._end(point, change, "converged", iterations, gravity)
+                return self._end(point, change, "converged", iterations, gravity, reach)
             if iterations >= self.tolerances.iterations or radius < 1e-8:
-                return self._end(point, change, "iterations_exhausted", iterations, gravity)
+                return self._end(point, change, "iterations_exhausted", iterations, gravity, reach)
             candidate = self._linearise(
                 self.model.advance(point.step, change), point.at.vector + change, gravity
             )
             iterations += 1
             if not self._improves(point, candidate):
                 if iterations >= self.tolerances.iterations or retreats >= self.tolerances.retreats:
-                    return self._end(point, 0.0 * change, "diverged", iterations, gravity)
+                    return self._end(point, 0.0 * change, "diverged", iterations, gravity, reach)
                 retreats += 1
                 # A quarter of the step that failed: the region may be far larger than that.
-                radius, last = 0.25 * min(radius, size), np.inf
+                radius, last = 0.25 * min(radius, size), 0.0
                 if self.tolerances.settles:
                     candidate = self._settled(point, radius, gravity)
                 else:
@@ -187,7 +248,8 @@ class _Search(Generic[State, Step]):
         rows = tuple(objective.rows(at) for objective in self.objectives)
         return _Point(state, step, at, rows, sum(row.cost for row in rows), step.residual_norm)
 
-    def _change(self, point: _Point[State, Step], radius: float) -> tuple[Floats, float]:
+    def change(self, point: _Point[State, Step], radius: float) -> tuple[Floats, float]:
+        """Return the best change of the inputs within a radius, and its size in units of their scale."""
         program = build_program(point.rows, self.limits, point.at.vector, self.unknowns.scale, radius)
         scaled = solve_program(program)
         return scaled * self.unknowns.scale, float(np.abs(scaled).max(initial=0.0))
@@ -210,14 +272,20 @@ class _Search(Generic[State, Step]):
 
     def _settled(self, point: _Point[State, Step], radius: float, gravity: Floats) -> _Point[State, Step]:
         """Take a shorter step and let the model find its equilibrium there."""
-        change, _ = self._change(point, radius)
+        change, _ = self.change(point, radius)
         vector = point.at.vector + change
         state, settled = self.model.solve(self.unknowns.inputs(vector, gravity), point.state)
         candidate = self._linearise(state, vector, gravity)
         return candidate if settled and candidate.cost <= point.cost * (1.0 + 1e-6) + 1e-9 else point
 
     def _end(
-        self, point: _Point[State, Step], change: Floats, status: Status, iterations: int, gravity: Floats
+        self,
+        point: _Point[State, Step],
+        change: Floats,
+        status: Status,
+        iterations: int,
+        gravity: Floats,
+        reach: float,
     ) -> Minimum[State]:
         """Move everything by the last, negligible step without linearising again."""
         drift, motion = point.step.response(np.eye(6 * len(self.model.sections)))
@@ -233,6 +301,7 @@ class _Search(Generic[State, Step]):
             last=Linearised(
                 self.model, point.state, self.unknowns.inputs(point.at.vector, gravity), point.step
             ),
+            reach=reach,
         )
 
 

@@ -1,7 +1,7 @@
 """The estimator that follows an arm through time, for the live service and for recordings alike."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -143,6 +143,7 @@ class Estimator(Generic[State, Step]):
         self._free = InputBounds.free(self._unknowns.size)
         self._unknown_pressures = np.diag(settings.pressure_limits**2)
         self._memory: _Memory[State] | None = None
+        self._solved: tuple[Problem, ArmEstimate[State]] | None = None
         self._failures = 0
 
     @property
@@ -160,7 +161,7 @@ class Estimator(Generic[State, Step]):
 
     def reset(self) -> None:
         """Forget the past."""
-        self._memory = None
+        self._memory = self._solved = None
         self._failures = 0
 
     def begin_at(self, state: State, inputs: Inputs) -> None:
@@ -168,7 +169,7 @@ class Estimator(Generic[State, Step]):
         # The pose is known, not what holds it: pressures and loads are as open as at the very start.
         variance = np.concatenate([self._settings.pressure_limits**2, self._settings.process.sigma**2])
         time = -np.inf if self._memory is None else self._memory.time
-        self._memory = _Memory(time, state, inputs, np.diag(variance))
+        self._memory, self._solved = _Memory(time, state, inputs, np.diag(variance)), None
         self._failures = 0
 
     def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> ArmEstimate[State]:
@@ -190,11 +191,23 @@ class Estimator(Generic[State, Step]):
         estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
         if estimate.status == "diverged" or not np.isfinite(estimate.vector).all():
             self._failures += 1
+            self._solved = None
         else:
-            self._failures = 0
+            self._failures, self._solved = 0, (problem, estimate)
             covariance, last = estimate.covariance, estimate.last
             self._memory = _Memory(time, estimate.state, estimate.inputs, covariance, last)
         return estimate
+
+    def prepare(self) -> None:
+        """Linearise at the last estimate, while nothing waits for the next one.
+
+        That one then takes a single step where the arm has moved little. It needs a model whose
+        linearisations are in equilibrium.
+        """
+        if self._solved is not None and self._memory is not None:
+            problem, estimate = self._solved
+            self._memory = replace(self._memory, last=problem.prepared(self._model, estimate))
+            self._solved = None
 
     def _predict(self, time: float, acting: Floats, gravity: Floats) -> tuple[Prior, Inputs]:
         """Carry the last estimate to this instant: the prior, and the inputs to begin the search with."""
