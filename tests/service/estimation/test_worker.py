@@ -103,6 +103,43 @@ async def test_a_result_does_not_wait_for_what_need_not_be_in_it(tmp_path):
     assert results.values == [4]
 
 
+def preparing(finishes, prepares):
+    prepared = []
+
+    def wait(path):
+        with open(path) as gate:  # noqa: PTH123
+            gate.read()
+
+    def prepare():
+        wait(prepares)
+        prepared.append(True)
+
+    return BuiltSolver(lambda _: len(prepared), finish=lambda: wait(finishes), prepare=prepare)
+
+
+async def test_the_next_request_is_prepared_only_while_none_waits(tmp_path):
+    finishes, prepares = tmp_path / "finishes", tmp_path / "prepares"
+    os.mkfifo(finishes)
+    os.mkfifo(prepares)
+    results = Results()
+    async with Worker(partial(preparing, str(finishes), str(prepares)), results.take) as worker:
+        await until(worker, lambda state: state.running)
+        worker.submit(lambda: "first")
+        worker.submit(lambda: "waits")
+        await results.wait(1)
+        while worker._waiting is not None:  # noqa: ASYNC110
+            await asyncio.sleep(0)
+        await asyncio.to_thread(finishes.write_text, "go")
+        await results.wait(2)
+        await asyncio.to_thread(finishes.write_text, "go")
+        await asyncio.to_thread(prepares.write_text, "go")
+        worker.submit(lambda: "third")
+        await results.wait(3)
+        await asyncio.to_thread(finishes.write_text, "go")
+        await asyncio.to_thread(prepares.write_text, "go")
+    assert results.values == [0, 0, 1]
+
+
 async def test_the_next_request_is_made_after_what_came_with_the_result(tmp_path):
     """A reading that the loop has received together with a result belongs into the request after it."""
     gate = tmp_path / "gate"

@@ -78,7 +78,7 @@ class SolverSettings:
     def __call__(self) -> BuiltSolver:
         """Build the solver and warm it up; it reports the surface that clients draw."""
         solver = Solver(self)
-        return BuiltSolver(solver, solver.surface, solver.finish)
+        return BuiltSolver(solver, solver.surface, solver.finish, solver.prepare)
 
 
 def build_suite(
@@ -208,15 +208,15 @@ class Solver:
         return directions
 
     def finish(self) -> None:
-        """Do what the next answer needs and the last one could do without.
-
-        The rod is linearised at the estimate; what the readings do not determine is analysed anew where due.
-        """
-        if self._rod is not None and isinstance(self._estimator, Estimator):
-            self._estimator.prepare()
+        """Analyse anew what the readings do not determine, where that is due: the next answer needs it."""
         if self._unanalysed is not None:
             self._analyse(*self._unanalysed)
             self._unanalysed = None
+
+    def prepare(self) -> None:
+        """Linearise the rod at the last estimate: the next one has less to do."""
+        if self._rod is not None and isinstance(self._estimator, Estimator):
+            self._estimator.prepare()
 
     def _innovations(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> dict[str, float]:
         innovations = {}
