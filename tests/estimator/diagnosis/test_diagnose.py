@@ -6,7 +6,7 @@ import pytest
 from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import diagnose as whole
-from softarm.estimator.diagnosis.conclude import surprise
+from softarm.estimator.diagnosis.conclude import error_over_expected
 from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, assemble, begin, diagnose
 from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
 from softarm.estimator.diagnosis.prepare import blocks_of
@@ -61,7 +61,7 @@ def test_what_a_few_samples_leave_open_is_no_missing_physics(seed: int) -> None:
     assert found.heldout.after > 1.0  # the prediction is uncertain, and says so
 
 
-def test_the_surprise_is_the_error_over_its_covariance() -> None:
+def test_the_remaining_error_is_weighed_by_its_covariance() -> None:
     search = begin(assemble(model(), [_seven_samples(24)], Inline(), TRIED).evidence, fast=True)
     (stage,), (columns,) = search.evidence.stages, search.evidence.columns
     confirming = stage.session.heldout & ~stage.session.reported
@@ -72,7 +72,7 @@ def test_the_surprise_is_the_error_over_its_covariance() -> None:
     unknown = np.linalg.inv(learnt.fraction * learnt.data.matrix + learnt.prior.precision)
     covariance = np.eye(left.size) + change @ unknown @ change.T
     expected = np.sqrt(left.ravel() @ np.linalg.solve(covariance, left.ravel()) / left.size)
-    assert surprise(search, None) == pytest.approx(expected, rel=1e-3)
+    assert error_over_expected(search, None) == pytest.approx(expected, rel=1e-3)
 
 
 def test_a_weak_chamber_is_named_and_placed(weak: DiagnosisOutcome) -> None:

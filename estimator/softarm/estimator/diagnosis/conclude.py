@@ -98,7 +98,7 @@ def held_out(search: Search, before: Fit | None, after: Fit | None, *, known: bo
     return Predictions(first, last, counts)
 
 
-def surprise(search: Search, fit: Fit | None) -> float:
+def error_over_expected(search: Search, fit: Fit | None) -> float:
     """Return the rms of what is left of the confirming data, over what the model expects of its own errors.
 
     Errors e = r - C m have the covariance S = N + C P C^T, N of the noise of quiet stretches, P of the common

@@ -12,11 +12,11 @@ from softarm.estimator.calibration.unknowns import Area
 from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.conclude import (
+    error_over_expected,
     findings_of,
     held_out,
     heldout_result,
     proven,
-    surprise,
     unknown,
 )
 from softarm.estimator.diagnosis.detection import detection_limits
@@ -406,7 +406,7 @@ def _remainder(search: Search, choice: ChosenEffects) -> float:
     evidence, weights = search.evidence, search.weights
     remaining = evidence.leftover(weights, search.residuals(choice.fit), nominal=False)
     known = evidence.leftover(weights, evidence.residuals, nominal=True)
-    return remaining / known if known > 0.0 else max(remaining, surprise(search, choice.fit))
+    return remaining / known if known > 0.0 else max(remaining, error_over_expected(search, choice.fit))
 
 
 def _map(search: Search, choice: ChosenEffects | None) -> LocationMap:
