@@ -63,3 +63,15 @@ def test_a_second_run_names_the_report_that_is_there(
     again = capsys.readouterr()
     assert "holds this diagnosis already" in again.err
     assert again.out.splitlines()[-1] == first.splitlines()[-1]
+
+
+def test_what_was_left_out_of_a_recording_is_said(
+    valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data = valve / "recording.csv"
+    lines = data.read_text().splitlines()
+    lines[500] = lines[500].rsplit(",", 1)[0] + ",655350"
+    data.write_text("\n".join(lines) + "\n")
+    assert run(["diagnose", str(valve), "--specimen", "sopra", "--jobs", "1"]) == 0
+    said = capsys.readouterr().err.splitlines()
+    assert "valve: readings that cannot be true: pressure_0_pa 1 spikes; counted as lost." in said

@@ -141,8 +141,11 @@ def command(
         return 0
     if write_specimen is not None:
         require_free(write_specimen, force=force)
+    assumed: list[str] = []
     with workers(jobs, dask) as executor, progress("diagnosing", sum(SHARES.values())) as advance:
-        outcome = run(request, executor, _Steps(advance).advance)
+        outcome = run(request, executor, _Steps(advance).advance, notify=assumed.append)
+    for line in assumed:
+        say(line)
     report = report_of(outcome.diagnosis)
     if out is not None:
         say(f"wrote {write_report(report, out)}")

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from softarm.analysis.diagnosis.intake import take_all_in
 from softarm.analysis.diagnosis.run import DiagnosisRequest, improved_specimen, loaded, run
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.common.shipped import fake_specimen
@@ -14,8 +15,10 @@ from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome
 from softarm.estimator.effects import EFFECTS, Spot, World
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
+from softarm.estimator.intake.result import NO_MISMATCH
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.estimator.specimen.physics import Place
+from tests.estimator.intake import small_arm
 from tests.estimator.simulation.straight_arm import world
 from tests.service.diagnosis.made_diagnosis import diagnosis
 
@@ -104,3 +107,16 @@ def test_what_was_found_is_handed_over_and_replaces_its_like() -> None:
 def test_a_calibrated_specimen_stays_as_it_was_calibrated() -> None:
     known = load_specimen(fake_specimen())
     assert improved_specimen(known, _outcome(-0.2, 0)).calibration == known.calibration
+
+
+def test_a_chamber_that_nobody_recorded_is_said_and_no_finding() -> None:
+    recording = small_arm.small_arm(seconds=15.0, parts=("bend",))
+    columns = {name: values for name, values in recording.columns.items() if "_3_pa" not in name}
+    said: list[str] = []
+    _, _, (intake,), notes = take_all_in(
+        [replace(recording, columns=columns)], [], small_arm.specimen(), said.append
+    )
+    assert len(said) == 1
+    assert "no pressure of chamber 3 was recorded, so it counts as vented (0 Pa)" in said[0]
+    assert notes == tuple(said)
+    assert all(one.kind in NO_MISMATCH for one in intake.mismatches)

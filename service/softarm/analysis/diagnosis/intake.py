@@ -1,6 +1,6 @@
 """Recordings taken in before a diagnosis: what was found becomes findings of its own."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -21,9 +21,18 @@ EDGE = 0.5
 
 
 def take_all_in(
-    suspects: Sequence[Recording], nominal: Sequence[Recording], specimen: Specimen
+    suspects: Sequence[Recording],
+    nominal: Sequence[Recording],
+    specimen: Specimen,
+    notify: Callable[[str], None] = lambda _: None,
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[Intake, ...], tuple[str, ...]]:
     """Take recordings in.
+
+    Args:
+        suspects: Recordings in question.
+        nominal: Recordings of the arm in its known state.
+        specimen: The robot.
+        notify: Called with what was left out or assumed, which is no finding.
 
     Returns:
         Recordings in question and nominal ones as fits may see them, the intakes of those in question,
@@ -37,6 +46,9 @@ def take_all_in(
         usable(group, lambda recording: taken_in(recording, specimen, notes.append), notes)
         for group in (suspects, nominal)
     )
+    for one in (fault for intake in (*questioned, *known) for fault in intake.mismatches):
+        if one.kind in NO_MISMATCH:
+            notify(one.statement)
     return tuple(i.for_fits for i in questioned), tuple(i.for_fits for i in known), questioned, tuple(notes)
 
 

@@ -77,6 +77,7 @@ def run(
     executor: Executor,
     advance: Callable[[str], None] = lambda _: None,
     keep: Callable[[Assembled], None] = lambda _: None,
+    notify: Callable[[str], None] = lambda _: None,
 ) -> DiagnosisOutcome:
     """Diagnose recordings.
 
@@ -85,6 +86,7 @@ def run(
         executor: Runs independent work.
         advance: Called with what is being done.
         keep: Given the residuals and columns, before anything is looked for.
+        notify: Called with what was left out of the recordings, or assumed.
 
     Raises:
         InputError: A recording cannot be read, does not fit the specimen, or cannot decide anything.
@@ -93,7 +95,7 @@ def run(
     advance("reading")
     effects = _known(request.effects)
     suspects, nominal, unread = loaded(request)
-    suspects, nominal, intakes, found = take_all_in(suspects, nominal, request.specimen)
+    suspects, nominal, intakes, found = take_all_in(suspects, nominal, request.specimen, notify)
     admitted = admit(suspects, nominal, request.specimen)
     questioned = {recording.name for recording in admitted.suspects}
     intakes, found = tuple(i for i in intakes if i.recording.name in questioned), (*unread, *found)
