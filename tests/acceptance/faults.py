@@ -23,9 +23,9 @@ QUICK_MINUTES = 1.0 / 3.0
 def command(minutes: float | None, seed: int, speed: float, quick: bool, as_json: bool) -> int:
     """Inject random faults into all kinds of fake devices at once, in accelerated time.
 
-    Every valid reading is held against the truth at its own time: a value under a wrong name, or an old value
-    with a new time, counts as mislabelled. The status is 1 when one is, when a task leaked, a fault went
-    unnoticed that can be noticed, or a device was not well again in time.
+    The benchmark compares every valid reading with the truth at its own time: a value under a wrong name, or
+    an old value with a new time, counts as mislabelled. The exit status is 1 if a reading is mislabelled, a
+    task leaked, a fault that can be noticed was not, or a device did not recover in time.
 
     Example: softarm bench faults --quick
     """

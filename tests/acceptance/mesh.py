@@ -193,9 +193,9 @@ def judge(errors: dict[str, float]) -> list[dict[str, Cell]]:
 def command(names: tuple[str, ...], bending: bool, quick: bool, as_json: bool) -> int:
     """Compare the meshes of a specimen with its default mesh, refined.
 
-    Ratios of small-load responses: the tip's displacement per lateral tip force, and each segment's rotation
-    per pressure in one of its chambers; 1 is converged. Fails where the default's error exceeds 1.5 %, or its
-    errors for force and pressure differ by more than 1 %.
+    The table shows ratios of small-load responses: the tip's displacement per lateral tip force, and each
+    segment's rotation per pressure in one of its chambers; 1 is converged. The exit status is 1 if the
+    default's error exceeds 1.5 %, or its errors for force and pressure differ by more than 1 %.
 
     Example: softarm bench mesh --quick
     """

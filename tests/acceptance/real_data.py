@@ -73,7 +73,8 @@ rubber, which may be why the regression predicts some angles better.
 def command(as_json: bool, quick: bool, write: Path | None) -> None:
     """Calibrate on real recordings and predict what was held out: two arms and a silicone beam.
 
-    Reads the development recordings beside the checkout, or those that SOFTARM_RECORDINGS names.
+    The benchmark reads the development recordings beside the checkout, or those that SOFTARM_RECORDINGS
+    names.
 
     Example: softarm bench real-data --json
     """

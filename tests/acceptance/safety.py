@@ -35,8 +35,8 @@ def command(
 ) -> int:
     """Inject each fault of every device in every mode; show where that left the arm.
 
-    Then kill, freeze and stall the processes of a running rig, and fill its disk. The status is 1 when one of
-    these left the arm elsewhere than stated, or too late.
+    The benchmark then kills, freezes and stalls the processes of a running rig, and fills its disk. The exit
+    status is 1 if the arm was left in another state than stated, or too late.
 
     Example: softarm bench safety --quick
     """

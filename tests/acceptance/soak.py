@@ -28,8 +28,8 @@ ALLOWED_GROWTH_PERCENT = 5.0
 def command(seconds: float, model: str, seed: int, out: Path | None, as_json: bool) -> int:
     """Run a service at 100 Hz for long; count lost replies, overruns, and memory that grows.
 
-    The status is 1 when a reply was lost, a recording cannot be read, memory grows by more than 5 %, or the
-    service ended.
+    The exit status is 1 if a reply was lost, a recording cannot be read, memory grows by more than 5 %, or
+    the service ended.
 
     Example: softarm bench soak --seconds 60
     """

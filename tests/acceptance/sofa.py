@@ -300,8 +300,8 @@ def _times(work: Callable[[], object], repeats: int) -> Floats:
 def command(folder: Path, quick: bool, as_json: bool) -> int:
     """Compare with SOFA's equilibria and inverse trajectories on its own meshes.
 
-    Exit status 1 when an equilibrium is off by more than 1e-5 of the largest displacement or an estimated
-    force by more than 0.01 mN rms.
+    The exit status is 1 if an equilibrium is off by more than 1e-5 of the largest displacement, or an
+    estimated force by more than 0.01 mN rms.
 
     Example: softarm bench sofa --reference ../shared/reference/sofa
     """

@@ -31,8 +31,8 @@ def row(result: HeldResult) -> dict[str, Cell]:
 def command(quick: bool, as_json: bool) -> int:
     """Check the finite elements against published and analytic answers.
 
-    Patch test, rigid modes and order of convergence of every element; thick-walled cylinder, elastica and
-    Cook's membrane. Fails where an error exceeds its limit.
+    The benchmark runs the patch test, rigid modes and order of convergence of every element, a thick-walled
+    cylinder, the elastica and Cook's membrane. The exit status is 1 if an error exceeds its limit.
 
     Example: softarm bench verify --quick
     """

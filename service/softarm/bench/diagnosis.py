@@ -51,7 +51,7 @@ def command(
     """Diagnose blind trials, and score them if answers are given.
 
     Each trial is diagnosed by 'softarm diagnose' in a process of its own, which never sees the answers. The
-    status is 1 when a trial ended without a report.
+    exit status is 1 if a trial ended without a report.
 
     Example: softarm bench diagnosis --trials TRIALS --answers ANSWERS --source "our arm" --write proof.md
     """
