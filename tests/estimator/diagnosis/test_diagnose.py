@@ -8,6 +8,7 @@ from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import diagnose as whole
 from softarm.estimator.diagnosis.conclude import error_over_expected
 from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, assemble, begin, diagnose
+from softarm.estimator.diagnosis.judge import CERTAIN
 from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
 from softarm.estimator.diagnosis.prepare import blocks_of
 from softarm.estimator.diagnosis.session import Session, channels
@@ -268,5 +269,4 @@ def test_what_an_arm_had_at_its_own_shape_is_no_gain_of_an_effect(*, known: bool
     theta = np.array(friction[2])
     candidate = search.candidate(number, theta, search.problem(), None)
     assert candidate is not None
-    share = search.predicted(candidate, None).background_gain / candidate.gain
-    assert share > 0.5 if known else share < 0.1
+    assert (candidate.delta_bic < 0.0) if known else (candidate.delta_bic > CERTAIN)
