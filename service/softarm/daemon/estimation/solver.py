@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.common.rods import trusted_rod
+from softarm.common.rods import known_trusted_rod, trusted_rod
 from softarm.daemon.config import ControlSettings, SensorSettings
 from softarm.daemon.estimation.holding import HeldArm
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
@@ -120,8 +120,9 @@ class Solver:
             self._check = self._threads.enter_context(RodCheck(stretched(self._model, specimen)))
         following = self._followed(specimen)
         follower: Follower[Any] = estimator_of(
-            specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True
-        )
+            specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True,
+            guide=self._guide(specimen),
+        )  # fmt: skip
         self._estimator = follower
         self._moving = MovingForces.of(specimen, self._model.sections, self._model.loads, self._suite)
         unshaped = follower.unshaped if isinstance(follower, AugmentedEstimator) else np.asarray
@@ -141,6 +142,11 @@ class Solver:
             return self._rod.with_loads(loads)
         followed = self._model.with_loads(loads) if specimen.physics else self._model
         return TrackingModel(followed, self._threads.enter_context(BackgroundFactorisation(followed)))
+
+    def _guide(self, specimen: Specimen) -> Any:
+        """Return the rod at whose answer a search on the finite elements begins after one that failed."""
+        rod = None if self._rod is not None else known_trusted_rod(specimen)
+        return None if rod is None else stretched(rod.with_loads(self._model.loads), specimen)
 
     def close(self) -> None:
         """End the threads of this solver; a process that ends with it needs no call."""

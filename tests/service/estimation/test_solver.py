@@ -1,0 +1,40 @@
+import numpy as np
+
+from softarm.common.rods import trusted_rod
+from softarm.common.shipped import fake_specimen
+from softarm.daemon.config import ControlSettings, SensorSettings
+from softarm.daemon.estimation.messages import EstimationRequest
+from softarm.daemon.estimation.solver import Solver, SolverSettings
+from softarm.estimator.model import Inputs
+from softarm.estimator.specimen import load_specimen
+from softarm.estimator.stretch import stretched
+
+PRESSURE_PA, FORCE_N = 30e3, 0.6
+
+
+def test_an_arm_that_was_lost_in_a_jump_is_found_at_the_next_instant():
+    """Without the rod for a guide, searches on the finite elements fail for seconds, and so does a hold."""
+    specimen = load_specimen(fake_specimen())
+    sensors = tuple(
+        SensorSettings(kind="orientation", section=name, device="qtm", channel=name, needed=True)
+        for name in ("intermediate", "tip")
+    )
+    solver = Solver(SolverSettings(specimen, sensors, ControlSettings(model="fem", forces_on=("tip",))))
+    try:
+        loads = [load for load in trusted_rod(specimen).loads if load.section == "tip"][:2]
+        rod, gravity = stretched(trusted_rod(specimen).with_loads(loads), specimen), np.array([0, 0, 9.81])
+        rng, converged = np.random.default_rng(3), []
+        for jump in range(4):
+            inputs = Inputs(rng.uniform(0, PRESSURE_PA, 6), rng.uniform(-FORCE_N, FORCE_N, 2), gravity)
+            state, found = rod.solve(inputs, rod.rest())
+            assert found
+            readings = solver._suite.predict(rod.linearise(state, inputs).frames)
+            for instant in range(3):
+                request = EstimationRequest(
+                    0.3 * jump + 0.1 * instant, 0, readings, inputs.pressures, gravity,
+                    ("orientation_intermediate", "orientation_tip"),
+                )  # fmt: skip
+                converged.append(solver(request).converged)
+    finally:
+        solver.close()
+    assert np.array(converged).reshape(4, 3)[:, 1:].all()
