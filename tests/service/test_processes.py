@@ -10,6 +10,7 @@ import pytest
 from softarm.common.processes import processes
 
 WAITING = """
+import signal
 import threading
 from softarm.common.processes import processes
 
@@ -18,6 +19,8 @@ def endless(name):
     threading.Event().wait()
 
 if __name__ == "__main__":
+    # A shell ignores Ctrl-C in what it starts in the background, and so would this.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with processes(2) as pool:
         waiting = [pool.submit(endless, name) for name in "abc"]
         waiting[0].result()
