@@ -419,7 +419,7 @@ def chosen(*fits: Fit, gain: float = 100.0) -> ChosenEffects:
     ],
 )
 def test_a_law_outdoes_effects_where_it_is_credible_that_it_acts_alone(law, named, probability, outdoes):
-    assert UnnamedLaw(law, named, law, probability, ("tip_payload",), Place(), "").outdoes is outdoes
+    assert UnnamedLaw(law, named, probability, ("tip_payload",), Place(), "").outdoes is outdoes
 
 
 @pytest.mark.parametrize(
@@ -647,7 +647,7 @@ def test_without_confirming_stretches_nothing_is_unproven():
 @pytest.mark.parametrize(("probability", "changed"), [(0.99, True), (0.5, False)])
 def test_a_law_alone_shows_that_something_is_missing_if_it_is_probable(monkeypatch, *, probability, changed):
     nothing = chosen()
-    law = UnnamedLaw(2.0 * CERTAIN, 0.0, 2.0 * CERTAIN, 1.0, (), Place(), "pressure level")
+    law = UnnamedLaw(2.0 * CERTAIN, 0.0, 1.0, (), Place(), "pressure level")
     made = {
         "proven": lambda _: (nothing, []),
         "without_fragments": lambda _, choice: (choice, None, []),

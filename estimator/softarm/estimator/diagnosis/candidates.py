@@ -1,5 +1,6 @@
 """Hypotheses after their fits, and what was accepted of them."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -7,6 +8,7 @@ from scipy.special import gammainccinv, ndtr
 
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.judge import Judgement
+from softarm.estimator.effects.effect import ParameterSpec
 
 ALIKE = 4.0
 ALIKE_SHARE = 0.01
@@ -118,31 +120,27 @@ def is_distinguishable(fit: Fit, number: int) -> bool:
 def includes(richer: Fit, plain: Fit) -> bool:
     """Return whether a fitted law states another one at its place: as a part distinguishable from zero."""
     hypothesis, other = richer.hypotheses[-1], plain.hypotheses[-1]
-    amplitudes = zip(
-        hypothesis.effect.parameters,
-        richer.thetas[-1].tolist(),
-        richer.scaled_stds(len(richer.hypotheses) - 1).tolist(),
-        strict=True,
-    )
-    for parameter, value, std in amplitudes:
+    for parameter, value, significant in _parts(richer):
         name, sign = parameter.alone or ("", 0.0)
         if name == other.name and hypothesis.place == other.place:
-            alike = sign * value * float(plain.thetas[-1][0]) > 0.0
-            return alike and bool(abs(parameter.scaled(value)) >= TOLD * std)
+            return significant and sign * value * float(plain.thetas[-1][0]) > 0.0
     return False
 
 
 def restates(richer: Fit, plain: Fit) -> bool:
     """Return whether a fitted law states a plainer one and nothing else that is distinguishable from zero."""
-    number = len(richer.hypotheses) - 1
-    others = [
-        abs(parameter.scaled(value)) >= TOLD * std
-        for parameter, value, std in zip(
-            richer.hypotheses[-1].effect.parameters,
-            richer.thetas[-1].tolist(),
-            richer.scaled_stds(number).tolist(),
-            strict=True,
-        )
-        if parameter.role == "amplitude" and (parameter.alone or ("",))[0] != plain.hypotheses[-1].name
-    ]
-    return includes(richer, plain) and not any(others)
+    name = plain.hypotheses[-1].name
+    return includes(richer, plain) and not any(
+        significant
+        for parameter, _, significant in _parts(richer)
+        if parameter.role == "amplitude" and (parameter.alone or ("",))[0] != name
+    )
+
+
+def _parts(fit: Fit) -> Iterator[tuple[ParameterSpec, float, bool]]:
+    """Give each parameter of a fit's last effect, its value, and whether that is significant."""
+    number = len(fit.hypotheses) - 1
+    parameters = fit.hypotheses[number].effect.parameters
+    stds = fit.scaled_stds(number).tolist()
+    for parameter, value, std in zip(parameters, fit.thetas[number].tolist(), stds, strict=True):
+        yield parameter, value, bool(abs(parameter.scaled(value)) >= TOLD * std)

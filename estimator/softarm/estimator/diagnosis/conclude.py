@@ -211,22 +211,23 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
         return []
     after = _confirming(search.parts(fit))
 
-    def better(others: Fit | None) -> bool:
+    def disproved(others: Fit | None) -> bool:
         before, expected = _confirming(search.parts(others)), expected_gains(search, fit, others)
         drawn = [
             _gain(search, before, after, chosen) + lost_by_chance(expected, chosen)
             for chosen in _draws(search.rng, len(after))
         ]
         whole = _gain(search, before, after, range(len(after)))
-        return whole > NOTHING and float(np.percentile(drawn, sure)) > -NOTHING
+        better = whole > NOTHING and float(np.percentile(drawn, sure)) > -NOTHING
+        return not better and float(expected.sum()) > SHOWN
 
     every = list(range(len(choice.accepted)))
     if not after:
         return []
-    if len(every) > 1 and not better(None) and expected_gains(search, fit, None).sum() > SHOWN:
+    if len(every) > 1 and disproved(None):
         return every
     rests = [search.subset(fit, [j for j in every if j != k]) for k in every]
-    return [k for k in every if not better(rests[k]) and expected_gains(search, fit, rests[k]).sum() > SHOWN]
+    return [k for k in every if disproved(rests[k])]
 
 
 def expected_gains(search: Search, fit: Fit, rest: Fit | None) -> Floats:

@@ -53,12 +53,11 @@ KNOTS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
 LAWS_OF_BEND: frozenset[EffectName] = frozenset({"material_softening", "material_stiffening"})
 """Effects that state how a segment's stiffness changes with its bend. The hinges of that bend state the same,
 in a free form: they are no rival of such an effect in its own segment."""
+BEND = "pose"
+"""What hinges of a segment's bend vary with."""
 POINTS = 300
 """States at which the process is known, spread over all recordings in question."""
 
-
-BEND = "pose"
-"""What hinges of a segment's bend vary with."""
 
 Columns = Callable[[Stage], Floats]
 
@@ -112,7 +111,6 @@ class UnnamedLaw:
     Args:
         gain: Twice the logarithm of the odds on it against nothing, each recording predicted from the others.
         named_gain: The same of the accepted effects.
-        joint_gain: The same of both together.
         probability: How probable it is that it acts without the effects.
         nearest: Names of the effects.
         place: Where it acts.
@@ -121,7 +119,6 @@ class UnnamedLaw:
 
     gain: float
     named_gain: float
-    joint_gain: float
     probability: float
     nearest: tuple[EffectName, ...]
     place: Place
@@ -228,7 +225,6 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     law = shown.law
     nothing = _log_densities(shown.without(), shown.known, shown.known)
     densities = [_log_densities(shown.shown, shown.known, shown.changed) - nothing, np.zeros_like(nothing)]
-    gain = joint_gain = 2.0 * float(densities[0].sum())
     named_gain = 0.0
     if fit is not None:
         price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
@@ -238,11 +234,12 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         # Beside effects a law may be smaller: what they get wrong, and not all that has changed.
         beside = max(of_each_size, key=lambda one: predictive(_of_any_size(one), joint.whole, 1.0))
         both = _log_densities(joint, beside.known, _of_any_size(beside)) - price - nothing
-        named_gain, joint_gain = (2.0 * float(one.sum()) for one in (effects, both))
+        named_gain = 2.0 * float(effects.sum())
         densities += [effects, both]
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
     nearest = () if fit is None else tuple(hypothesis.name for hypothesis in fit.hypotheses)
-    return UnnamedLaw(gain, named_gain, joint_gain, probability, nearest, law.place, law.regime)
+    gain = 2.0 * float(densities[0].sum())
+    return UnnamedLaw(gain, named_gain, probability, nearest, law.place, law.regime)
 
 
 def unnamed_probability(search: Search, changed: float) -> float:

@@ -80,6 +80,7 @@ def hysteresis(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> t
 CLOSE = 1e-10
 """Change of a bend [rad] at which a step of the friction has been solved."""
 SLIP_STEPS = 50
+"""Steps towards it at most."""
 
 
 @njit(cache=True, nogil=True)
@@ -103,17 +104,16 @@ def slipping(loads: Floats, strengths: Floats, reach: float, bends: Floats, fric
     for sample in range(len(loads)):
         for k in range(len(strengths)):
             way, before = 0.0, -1.0
+            kept, slope = 1.0, 1.0
             for _ in range(SLIP_STEPS):
                 if abs(way - before) < CLOSE:
                     break
-                kept = np.exp(-way / reach)
-                slope = reach * (1.0 - kept) / way if way > 0.0 else 1.0
                 stiff = 1.0 + strengths[k] * slope
                 x = (loads[sample, k, 0] - bends[k, 0] - strengths[k] * friction[k, 0] * kept) / stiff
                 y = (loads[sample, k, 1] - bends[k, 1] - strengths[k] * friction[k, 1] * kept) / stiff
                 before, way = way, np.hypot(x, y)
-            kept = np.exp(-way / reach)
-            slope = reach * (1.0 - kept) / way if way > 0.0 else 1.0
+                kept = np.exp(-way / reach)
+                slope = reach * (1.0 - kept) / way if way > 0.0 else 1.0
             bends[k, 0] += x
             bends[k, 1] += y
             friction[k, 0] = friction[k, 0] * kept + slope * x

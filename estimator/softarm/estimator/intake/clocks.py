@@ -6,8 +6,8 @@ others. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an e
 (``sensor_latency``, ``line_lag``); motion that comes earlier than its cause, or far later, is a matter of
 clocks.
 
-Levels tell little of shifts that are short against the time for which a pose is held. Where all sensors lag
-alike, changes over ``CHANGE`` seconds tell them: pressures behind slow lines are among their causes, so what
+Levels show little of shifts that are short against the time for which a pose is held. Where all sensors lag
+alike, changes over ``CHANGE`` seconds show them: pressures behind slow lines are among their causes, so what
 is left to a shift is a pure delay, and one beyond ``DELAY`` is none of the arm's.
 """
 
@@ -118,7 +118,7 @@ def _mended_delay(recording: Recording, specimen: Specimen) -> tuple[Recording, 
     """Move the pressures where every sensor shows the same delay of its changes.
 
     That delay has to win by clear odds against the usual ones, against another far from it, and against
-    pressures that tell nothing of the motion: a regression on few moves may predict worse than none.
+    pressures that explain nothing of the motion: a regression on few moves may predict worse than none.
     """
     shifts = find_delays(recording, specimen)
     if shifts is None or len(shifts.names) < 2:  # one sensor alone may be late itself
