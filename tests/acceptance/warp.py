@@ -4,8 +4,12 @@ import asyncio
 import os
 import selectors
 import time
-from typing import Any
+from collections.abc import Callable
+from concurrent.futures import Executor
+from typing import Any, TypeVar, TypeVarTuple
 
+Arguments = TypeVarTuple("Arguments")
+Result = TypeVar("Result")
 TURN = 1e-9
 SLEEP_S = 1e-3
 """A wait that is shorter is spun, yielding to others: the system would make it several times as long."""
@@ -15,7 +19,8 @@ class WarpSelector(selectors.SelectSelector):
     """Waits a fraction of what is asked for.
 
     Virtual time moves while the loop waits, and by a nanosecond per turn, so a slow or busy machine makes no
-    deadline pass, and a timer that rounding has put a hair into the future comes due.
+    deadline pass, and a timer that rounding has put a hair into the future comes due. What runs on a thread
+    takes the time it takes: while anything does, waits last as long as they say.
 
     Args:
         speed: Virtual seconds per second of waiting.
@@ -24,6 +29,7 @@ class WarpSelector(selectors.SelectSelector):
     def __init__(self, speed: float) -> None:
         super().__init__()
         self.now = 0.0
+        self.threads = 0
         self._speed = speed
 
     def select(self, timeout: float | None = None) -> list[Any]:
@@ -33,8 +39,9 @@ class WarpSelector(selectors.SelectSelector):
         if events or (timeout is not None and timeout <= 0):
             return events
         begin = time.perf_counter()
-        events = self._wait(begin, None if timeout is None else timeout / self._speed)
-        passed = (time.perf_counter() - begin) * self._speed
+        speed = 1.0 if self.threads else self._speed
+        events = self._wait(begin, None if timeout is None else timeout / speed)
+        passed = (time.perf_counter() - begin) * speed
         self.now += passed if timeout is None or (events and passed < timeout) else timeout
         return events
 
@@ -60,3 +67,15 @@ class WarpLoop(asyncio.SelectorEventLoop):
     def time(self) -> float:
         """Return the virtual time [s]."""
         return self._warp.now
+
+    def run_in_executor(
+        self, executor: Executor | None, func: Callable[[*Arguments], Result], *args: *Arguments
+    ) -> asyncio.Future[Result]:
+        """Run a function on a thread, in real time."""
+        future = super().run_in_executor(executor, func, *args)
+        self._warp.threads += 1
+        future.add_done_callback(self._thread_ended)
+        return future
+
+    def _thread_ended(self, _future: object) -> None:
+        self._warp.threads -= 1

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import socket
+import time
 from pathlib import Path
 
 import numpy as np
@@ -409,3 +410,17 @@ class TestWarpLoop:
             return loop.time() - begin
 
         assert warp(main) == pytest.approx(0.0, abs=1e-6)
+
+    def test_work_on_a_thread_takes_no_more_virtual_than_real_time(self):
+        async def main():
+            loop = asyncio.get_running_loop()
+            begin = loop.time()
+            async with asyncio.timeout(3.0):
+                await asyncio.to_thread(time.sleep, 0.2)
+            took = loop.time() - begin
+            await asyncio.sleep(20.0)
+            return took, loop.time() - begin
+
+        took, all_in_all = warp(main)
+        assert 0.1 < took < 3.0
+        assert all_in_all == pytest.approx(20.0 + took, abs=0.1)
