@@ -12,7 +12,7 @@ from softarm.estimator.diagnosis.exact_model import SETTLED_WRENCH, ExactModel
 from softarm.estimator.diagnosis.library import build_library, library_columns
 from softarm.estimator.diagnosis.line import line_errors
 from softarm.estimator.diagnosis.nuisances import calibrate_sessions
-from softarm.estimator.diagnosis.pose import observed_arm
+from softarm.estimator.diagnosis.pose import observed
 from softarm.estimator.diagnosis.result import Cell
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
@@ -95,7 +95,7 @@ def test_a_wall_is_met_where_corrected_predictions_have_the_arm(stage: Stage) ->
     strains[..., 0] = 0.026 * np.sin(stage.session.clock)[:, None]
     truth = stage.arm.respond(stage.drive.strained(strains))
     correction = np.einsum("trs,ts->tr", stage.by_eigenstrain, strains.reshape(len(strains), -1))
-    corrected = replace(stage, observed=observed_arm(stage, correction, np.full(stage.suite.size, 1e-3)))
+    corrected = replace(stage, observed=observed(stage, correction, np.full(stage.suite.size, 1e-3)))
     wall = PlacedEffect(
         EFFECTS["contact_obstacle"], Spot(stage.world, Place(section="tip")), np.array([200.0, 0.02, 1.6])
     )

@@ -67,9 +67,10 @@ def test_the_remaining_error_is_weighed_by_its_covariance() -> None:
     (stage,), (columns,) = search.evidence.stages, search.evidence.columns
     confirming = stage.session.heldout & ~stage.session.reported
     learnt = search.folds(None).whole
-    noise = np.array([search.evidence.floors[name] for name in channels(stage.suite)])
+    floor = np.array([search.evidence.floors[name] for name in channels(stage.suite)])
+    noise = (floor * stage.compliance[:, None])[confirming]
     left = (stage.residual - columns @ learnt.mean)[confirming] / noise
-    change = (columns / noise[:, None])[confirming].reshape(left.size, -1)
+    change = (columns[confirming] / noise[..., None]).reshape(left.size, -1)
     unknown = np.linalg.inv(learnt.fraction * learnt.data.matrix + learnt.prior.precision)
     covariance = np.eye(left.size) + change @ unknown @ change.T
     expected = np.sqrt(left.ravel() @ np.linalg.solve(covariance, left.ravel()) / left.size)

@@ -20,13 +20,17 @@ def search():
     """The parts of a search that are read: two sessions, the second one in question, half of it held out."""
     known, asked = session("known", 1, nominal=True), session("run", 2)
     asked = replace(asked, heldout=asked.blocks % 2 == 0)
-    stages = [
-        SimpleNamespace(session=one, suite=one.suite, model_error_std=np.zeros((one.samples, 4)))
-        for one in (known, asked)
-    ]
+    stages = [stage(one, np.zeros((one.samples, 4))) for one in (known, asked)]
     assert channels(asked.suite) == BENDS
     return SimpleNamespace(
         evidence=SimpleNamespace(stages=stages), weights=SimpleNamespace(scale=dict.fromkeys(BENDS, ASSUMED))
+    )
+
+
+def stage(one, model_error_std):
+    """Stand for a stage of which only the noise is asked."""
+    return SimpleNamespace(
+        session=one, suite=one.suite, error_std=lambda scale: np.hypot(scale, model_error_std)
     )
 
 
@@ -75,9 +79,7 @@ def test_innovations_show_what_other_stretches_have_not_shown(search):
 
 def test_what_a_vibration_leaves_uncertain_counts_in_the_assumed_noise(search):
     doubtful = [
-        SimpleNamespace(
-            **{**vars(s), "model_error_std": np.full_like(s.model_error_std, np.sqrt(3.0) * ASSUMED)}
-        )
+        stage(s.session, np.full((s.session.samples, 4), np.sqrt(3.0) * ASSUMED))
         for s in search.evidence.stages
     ]
     other = SimpleNamespace(evidence=SimpleNamespace(stages=doubtful), weights=search.weights)

@@ -66,9 +66,11 @@ class Weighed:
         self.world = world()
         self.shape = truth + 0.3 * rng.normal(size=truth.shape)
         self.common = truth + 0.02 * rng.normal(size=truth.shape)
-        self.model_error_std = np.zeros(truth.shape)
         self.session = SimpleNamespace(nominal=nominal, heldout=np.zeros(SAMPLES, dtype=bool))
         self.residual = (0.0 if nominal else MASS) * truth + NOISE * rng.normal(size=truth.shape)
+
+    def error_std(self, scale: np.ndarray) -> np.ndarray:
+        return np.broadcast_to(scale, self.residual.shape)
 
     def change(self, effects, *, exact: bool = False) -> np.ndarray:
         return self.shape * sum(float(effect.theta[0]) for effect in effects)

@@ -4,13 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.linalg import eigh
 
 from softarm.estimator.diagnosis.nuisances import calibrate_sessions
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.vibration import LONGEST_STEP, Vibration, fit_vibration, with_vibration
 from softarm.estimator.effects import EFFECTS, Spot
 from softarm.estimator.effects.placed import PlacedEffect
-from softarm.estimator.simulation.inertia import Masses
+from softarm.estimator.simulation.inertia import Masses, StrainDynamics
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import model, session
 
@@ -96,6 +97,44 @@ def test_an_arm_vibrates_about_what_an_effect_changes(calm: Stage) -> None:
     gain = PlacedEffect(EFFECTS["chamber_gain"], Spot(calm.world, Place()), np.array([-0.2]))
     still = calm.change([gain])
     assert plain.change([gain]) == pytest.approx(still - 0.2 * lag, abs=0.02 * np.abs(lag).max())
+
+
+def near_limit_point(stage: Stage, softer: np.ndarray) -> Stage:
+    """Soften the arm of a stage in its slowest mode, by a factor for each sample."""
+    arm, baseline = stage.arm, stage.arm.baseline
+    dynamics = StrainDynamics.of(baseline, arm.segments, MASSES)
+    pairs = zip(dynamics.stiffness, dynamics.mass, strict=True)
+    mode = np.stack([eigh(stiffness, mass)[1][:, :1] for stiffness, mass in pairs])
+    rows = arm.segments.rows(baseline.frames).reshape(len(softer), 8, -1)
+    share = mode @ np.swapaxes(mode, 1, 2) @ dynamics.mass @ rows @ baseline.input_jacobian
+    further = baseline.load_jacobian @ np.swapaxes(rows, 1, 2) @ dynamics.stiffness @ share
+    jacobian = baseline.input_jacobian + (softer - 1.0)[:, None, None] * further
+    return replace(stage, arm=replace(arm, baseline=replace(baseline, input_jacobian=jacobian)))
+
+
+def test_inertia_bounds_what_an_effect_changes_near_a_limit_point_wherever_it_is_seen(calm: Stage) -> None:
+    gain = PlacedEffect(EFFECTS["chamber_gain"], Spot(calm.world, Place()), np.array([-0.2]))
+    samples = np.arange(calm.session.samples)
+    soft = near_limit_point(calm, 1.0 + 300.0 * np.exp(-(((samples - 60) / 6.0) ** 2)))
+    limited, _ = vibrating(soft, MASSES)
+    bent = np.full((len(samples), 2, 4), [0.2, -0.2, 0.1, 0.0])
+    seen = limited.moved(bent)
+    at_rest, usual = (np.abs(one.change([gain])).max() for one in (soft, vibrating(calm, MASSES)[0]))
+    moving, moved = (np.abs(replace(limited, observed=one).change([gain])).max() for one in (None, seen))
+    assert at_rest > 30.0 * usual
+    assert max(moving, moved) < 5.0 * usual
+
+
+def test_the_assumed_error_grows_with_the_compliance_and_no_fit_minds_an_unstable_sample(calm: Stage) -> None:
+    scale = np.full(calm.suite.size, 1e-3)
+    soft = near_limit_point(calm, np.where(np.arange(calm.session.samples) == 60, 100.0, 1.0))
+    assert soft.compliance[60] > 10.0
+    assert np.delete(soft.compliance, 60) == pytest.approx(np.delete(calm.compliance, 60), rel=0.02)
+    squares = soft.error_std(scale) ** 2 - soft.model_error_std**2
+    assert squares == pytest.approx((scale * soft.compliance[:, None]) ** 2)
+    limited, _ = vibrating(with_compliance(calm, -1.0, slice(60, 61)), MASSES)
+    assert limited.error_std(scale)[60].min() > 1e3 * limited.error_std(scale)[59].max()
+    assert np.isnan(limited.residual[60]).all()
 
 
 def test_samples_that_are_far_apart_show_no_vibration(stage: Stage) -> None:

@@ -15,7 +15,9 @@ def dynamics(masses, samples=1):
 def oscillator(frequency, samples):
     """One strain that vibrates at a frequency [Hz]."""
     one = np.ones((samples, 1, 1))
-    return StrainDynamics((2 * np.pi * frequency) ** 2 * one, one, one, one[:, None])
+    return StrainDynamics(
+        (2 * np.pi * frequency) ** 2 * one, one, one, one[:, None], np.ones(len(one), dtype=bool)
+    )
 
 
 def test_a_tip_mass_vibrates_at_its_frequency():

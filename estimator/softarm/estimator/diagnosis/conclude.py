@@ -123,12 +123,10 @@ def error_over_expected(search: Search, fit: Fit | None) -> float:
 
 
 def _over_noise(search: Search, stage: Stage) -> Floats:
-    """Return one over the noise of quiet stretches, less where the arm vibrates, shape (samples, rows)."""
+    """Return one over the noise of quiet stretches, less where the model is unsure, shape (samples, rows)."""
     names = channels(stage.suite)
     row = np.array([search.weights.scale[name] for name in names])
-    calm: Floats = (
-        row / np.hypot(row, stage.model_error_std) / [search.evidence.floors[name] for name in names]
-    )
+    calm: Floats = row / stage.error_std(row) / [search.evidence.floors[name] for name in names]
     return calm
 
 

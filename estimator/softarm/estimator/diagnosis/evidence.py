@@ -21,7 +21,7 @@ from softarm.estimator.diagnosis.normal_equations import (
 )
 from softarm.estimator.diagnosis.nuisances import Nuisances
 from softarm.estimator.diagnosis.session import channels
-from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.stage import Stage, fading
 from softarm.estimator.diagnosis.weights import Weights, weights_of
 
 Singles = NDArray[np.float32]
@@ -171,14 +171,17 @@ class RegressionProblem:
 
     def scale(self, weights: Weights, number: int) -> Floats:
         """Give the standard deviation of each residual of a session, shape (samples, rows)."""
-        return np.hypot(
-            [weights.scale[name] for name in channels(self.stages[number].suite)],
-            self._model_error_std[number],
-        )
+        stage = self.stages[number]
+        row = np.array([weights.scale[name] for name in channels(stage.suite)])
+        std: Floats = np.hypot(stage.error_std(row), self._mismatch_error_std[number])
+        return std
 
     @cached_property
-    def _model_error_std(self) -> list[Floats]:
-        """What the model may get wrong of each residual beside its noise, each of shape (samples, rows)."""
+    def _mismatch_error_std(self) -> list[Floats]:
+        """What a change of the model gets wrong of a mismatch of some size, each of shape (samples, rows).
+
+        A share of it, and what is of second order: half the square of an angle, by Taylor's theorem.
+        """
         errors = []
         for stage in self.stages:
             groups, sizes = _groups(stage), np.nan_to_num(np.abs(stage.residual))
@@ -187,7 +190,10 @@ class RegressionProblem:
                 for group in groups
             }
             mismatch = np.stack([largest[group] for group in groups], axis=1)
-            errors.append(np.hypot(stage.model_error_std, RELATIVE_MODEL_ERROR * mismatch))
+            curved = 0.5 * mismatch**2 / stage.lever
+            for order in (1, -1):  # a swing differs before it differs most, and after
+                curved = fading(order * stage.session.clock[::order], curved[::order])[::order]
+            errors.append(np.hypot(RELATIVE_MODEL_ERROR * mismatch, curved))
         return errors
 
     def _first(self, weights: Weights, number: int) -> list[NormalEquations]:

@@ -125,7 +125,7 @@ def _standardised(search: Search, residuals: Residuals, *, reported: bool) -> di
 
 
 def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
-    """Find the stretch of time and the channel whose error is the largest multiple of the noise.
+    """Find the stretch of time and the channel whose error is the largest multiple of what was assumed.
 
     Args:
         search: The search.
@@ -136,20 +136,18 @@ def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
         session = stage.session
         if session.nominal:
             continue
-        scale = np.array([search.weights.scale[name] for name in channels(stage.suite)])
+        squares = np.stack([residuals[number], residuals[number] / _assumed(search, stage)]) ** 2
         for block in np.unique(session.blocks):
             in_block = session.blocks == block
-            finite = np.isfinite(residuals[number][in_block])
-            squares = np.where(finite, residuals[number][in_block], 0.0) ** 2
-            rms = np.sqrt(squares.sum(axis=0) / np.maximum(finite.sum(axis=0), 1))
-            row = int(np.argmax(rms / scale))
+            finite = np.isfinite(squares[:, in_block])
+            sums = np.where(finite, squares[:, in_block], 0.0).sum(axis=1)
+            rms, standardised = np.sqrt(sums / np.maximum(finite.sum(axis=1), 1))
+            row = int(np.argmax(standardised))
             time = session.clock[in_block] - session.clock[0]
-            if worst is None or rms[row] / scale[row] > worst[0]:
+            if worst is None or standardised[row] > worst[0]:
                 place = (session.name, channels(stage.suite)[row], stage.suite.units[row])
-                worst = (
-                    float(rms[row] / scale[row]),
-                    Stretch(*place, float(time[0]), float(time[-1]), float(rms[row])),
-                )
+                times = (float(time[0]), float(time[-1]))
+                worst = (float(standardised[row]), Stretch(*place, *times, float(rms[row])))
     return worst[1] if worst else None
 
 
@@ -162,8 +160,7 @@ def _questioned(search: Search) -> Iterator[tuple[int, Stage]]:
 
 def _assumed(search: Search, stage: Stage) -> Floats:
     """Return the standard deviation that the choice assumed, whatever the residual, shape (samples, rows)."""
-    row = [search.weights.scale[name] for name in channels(stage.suite)]
-    return np.asarray(np.hypot(row, stage.model_error_std), dtype=np.float64)
+    return stage.error_std(np.array([search.weights.scale[name] for name in channels(stage.suite)]))
 
 
 def _mean(parts: Sequence[Floats]) -> float:

@@ -22,7 +22,6 @@ from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.nuisances import SCATTER
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
-from softarm.estimator.simulation import LinearisedArm
 
 STRAIN_STD = np.array([SCATTER.sizes["rad"]] * 3 + [SCATTER.sizes["m"]])
 """Error of the calibrated model in a segment's bends and twist [rad] and its elongation [m]."""
@@ -44,13 +43,13 @@ def with_poses(evidence: RegressionProblem, weights: Weights, prior: Gaussian) -
         if not stage.session.nominal:
             correction = np.asarray(columns @ moving, dtype=np.float64)
             noise = np.array([weights.scale[name] for name in names])
-            stage = replace(stage, observed=observed_arm(stage, correction, noise))
+            stage = replace(stage, observed=observed(stage, correction, noise))
         stages.append(stage)
-    return replace(evidence, stages=tuple(stages))
+    return replace(evidence, stages=tuple(stages), kept={})
 
 
-def observed_arm(stage: Stage, correction: Floats, noise: Floats) -> LinearisedArm:
-    """Move the linearised arm of a session to where corrected predictions have it.
+def observed(stage: Stage, correction: Floats, noise: Floats) -> Stage:
+    """Move the arm of a session to where corrected predictions have it.
 
     Args:
         stage: The session.
@@ -63,8 +62,7 @@ def observed_arm(stage: Stage, correction: Floats, noise: Floats) -> LinearisedA
     scatter = spread @ np.swapaxes(by_strain, 1, 2) + np.diag(noise**2)
     weighted = np.linalg.solve(scatter, correction[..., None])
     strains = (np.swapaxes(spread, 1, 2) @ weighted)[..., 0]
-    moved = stage.arm.respond(stage.drive.strained(strains.reshape(len(strains), segments, 4)))
-    return replace(stage.arm, baseline=moved)
+    return stage.moved(strains.reshape(len(strains), segments, 4))
 
 
 def _moves_arm(evidence: RegressionProblem) -> Flags:

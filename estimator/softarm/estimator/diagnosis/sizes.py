@@ -177,7 +177,7 @@ def plain_residuals(search: Search) -> tuple[list[RecordingResidual], list[Singl
         residual = search.evidence.residuals[number]
         scale = np.array([search.weights.scale[name] for name in search.evidence.names[number]])
         used = np.isfinite(residual) & ~session.heldout[:, None]
-        weight = used / np.hypot(scale, stage.model_error_std)
+        weight = used / stage.error_std(scale)
         own = search.evidence.columns[number]
         left = np.nan_to_num(residual - own @ mean) * weight
         blank = np.zeros((np.count_nonzero(weight), 1), dtype=np.float32)

@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Prediction
 from softarm.estimator.diagnosis.exact_model import ExactModel
@@ -21,9 +21,13 @@ from softarm.estimator.rotations import exp
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import stiffness_along
-from softarm.estimator.simulation.inertia import VibratingArm
+from softarm.estimator.simulation.inertia import VibratingArm, strain_stiffness
 from softarm.estimator.specimen import Specimen
 
+UNSTABLE = 1e6
+"""Compliance over the usual one where no stable equilibrium is known: no fit minds such a sample."""
+ELSEWHERE = 0.1
+"""Difference between two answers of a model to the same drive [rad] from which they are two equilibria."""
 SUDDEN, RINGDOWN = 0.2, 0.7
 RINGING = 0.2
 LEVER = 0.1
@@ -63,13 +67,15 @@ class Vibrations:
     Args:
         arm: The arm that vibrates.
         still: Quasi-static strains without effects, shape (samples, strains).
+        resting: The arm linearised along the quasi-static poses.
     """
 
     arm: VibratingArm
     still: Floats
+    resting: LinearisedArm
 
-    def lag(self, change: Floats, modal: ModalChange, section: int) -> Floats:
-        """Return by how much an effect changes the vibration, shape (samples, strains, ...).
+    def strains(self, change: Floats, modal: ModalChange, section: int) -> Floats:
+        """Return what an effect changes of the strains while the arm vibrates, shape (samples, strains, ...).
 
         Args:
             change: What it changes of the quasi-static strains, shape (samples, strains, ...).
@@ -77,11 +83,16 @@ class Vibrations:
             section: Section that an added mass is fixed to.
         """
         if modal.added_mass == 0.0 and modal.mass_ratio == 1.0:
-            return self.arm.lag(change)
+            return change + self.arm.lag(change)
         added = np.zeros(self.arm.dynamics.places.shape[1])
         added[section] = modal.added_mass
         heavier = self.arm.heavier(modal.mass_ratio, added)
-        return heavier.lag(self.still + change) - self._usual_lag
+        return change + heavier.lag(self.still + change) - self._usual_lag
+
+    @cached_property
+    def strains_by_drive(self) -> dict[str, Floats]:
+        """Derivatives of the quasi-static strains by the parts of the drive; see ``Stage``."""
+        return _strains_by_drive(self.resting)
 
     @cached_property
     def _usual_lag(self) -> Floats:
@@ -101,7 +112,7 @@ class Stage:
         drive: The calibrated drive.
         vibrations: How the arm vibrates, where recordings show that.
         vibration_error_std: Error of the model of the vibration, where there is one, shape (samples, rows).
-        observed: The linearised arm where effects see it, if that is elsewhere; see ``pose.py``.
+        observed: The same session where effects see the arm, if that is elsewhere; see ``pose.py``.
     """
 
     session: Session
@@ -113,7 +124,7 @@ class Stage:
     drive: Drive
     vibrations: Vibrations | None = None
     vibration_error_std: Floats | None = None
-    observed: LinearisedArm | None = None
+    observed: "Stage | None" = None
 
     @cached_property
     def base(self) -> Floats:
@@ -132,11 +143,14 @@ class Stage:
         return couple_jacobian
 
     @cached_property
-    def _lag_jacobian(self) -> Floats:
-        """Derivative of the predictions by strains of the vibration, shape (samples, rows, 4 segments)."""
-        assert self.vibrations is not None
-        by_lag: Floats = self.couple_jacobian @ self.vibrations.arm.dynamics.stiffness
-        return by_lag
+    def _strain_jacobian(self) -> tuple[Floats, Flags]:
+        """Derivative of the predictions by the strains, shape (samples, rows, 4 segments).
+
+        Also the samples at which it is known: those at a stable equilibrium, shape (samples,).
+        """
+        turned, stiffness, stable = strain_stiffness(self.arm.baseline, self.arm.segments)
+        by_strain: Floats = self.twist_jacobian @ turned @ stiffness
+        return by_strain, stable
 
     @cached_property
     def by_eigenstrain(self) -> Floats:
@@ -181,9 +195,51 @@ class Stage:
             change = np.abs(bends[back:] - bends[:-back]).max(axis=1)
             changes[back:] = change
             changes = fading(self.session.clock, changes)
-        lever = np.array([LEVER if unit == "m" else 1.0 for unit in self.suite.units])
-        uncertain: Floats = RINGING * changes[:, None] * lever
+        uncertain: Floats = RINGING * changes[:, None] * self.lever
         return uncertain
+
+    @cached_property
+    def lever(self) -> Floats:
+        """What an angle of one radian is worth in each row [rad, m], shape (rows,)."""
+        return np.array([LEVER if unit == "m" else 1.0 for unit in self.suite.units])
+
+    @cached_property
+    def compliance(self) -> Floats:
+        """How much further than usual the arm gives way to the same error of its model, shape (samples,).
+
+        Close to a limit point small errors of stiffness or load move it far: what a model gets wrong of its
+        pose grows with its compliance. Where effects see the arm elsewhere, the larger of both counts.
+        """
+        arms = [self] if self.observed is None else [self, self._there]
+        largest: Floats = np.max([stage._relative_compliance for stage in arms], axis=0)
+        return largest
+
+    @cached_property
+    def _relative_compliance(self) -> Floats:
+        """Compliance over its median, at least one, shape (samples,).
+
+        It is what the couples of all segments move, each of a size that usually strains by as much.
+        """
+        known = self.arm.baseline.converged & np.isfinite(self.couple_jacobian).all(axis=(1, 2))
+        if self.vibrations is not None:
+            known &= self._strain_jacobian[1]
+        if not known.any():
+            return np.ones(len(known))
+        _, stiffness, _ = strain_stiffness(self.arm.baseline, self.arm.segments)
+        usual = np.median(np.diagonal(stiffness[known], axis1=1, axis2=2), axis=0)
+        couples = usual * np.tile([1.0, 1.0, 1.0, LEVER], self.arm.segments.count)
+        sizes = np.linalg.norm(self.couple_jacobian * couples / self.lever[:, None], axis=(1, 2))
+        relative: Floats = np.where(known, np.maximum(sizes / np.median(sizes[known]), 1.0), UNSTABLE)
+        return relative
+
+    def error_std(self, scale: Floats) -> Floats:
+        """Return the standard deviation of each residual, shape (samples, rows).
+
+        Args:
+            scale: That of each row where the arm is as compliant as usual and does not vibrate.
+        """
+        std: Floats = np.hypot(scale * self.compliance[:, None], self.model_error_std)
+        return std
 
     def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> Floats:
         """Give by how much effects change the predictions, shape (samples, rows).
@@ -202,14 +258,28 @@ class Stage:
         pushed = there._simulated(answering) if answering else none
         if exact and (inner or answering):
             still = sum((there.first_order(placed, vibrating=False) for placed in inner), pushed)
-            beyond = self._solved((*inner, *answering)) - self._solved_plain - still[self._exact.nodes]
-            change = change + self._exact.between(beyond)
+            nodes, relative = self._exact.nodes, self.compliance[:, None]
+            beyond = self._solved((*inner, *answering)) - self._solved_plain - still[nodes]
+            change = change + relative * self._exact.between(beyond / relative[nodes])
         return change + pushed
 
-    @cached_property
+    @property
     def _there(self) -> "Stage":
         """The same session where effects see the arm."""
-        return self if self.observed is None else replace(self, arm=self.observed, observed=None)
+        return self if self.observed is None else self.observed
+
+    def moved(self, eigenstrains: Floats) -> "Stage":
+        """Return the same session, linearised where eigenstrains would have its arm.
+
+        Args:
+            eigenstrains: Shape (samples, segments, 4).
+        """
+
+        def strained(arm: LinearisedArm) -> LinearisedArm:
+            return replace(arm, baseline=arm.respond(arm.drive.strained(eigenstrains)))
+
+        vibrations = self.vibrations and replace(self.vibrations, resting=strained(self.vibrations.resting))
+        return replace(self, arm=strained(self.arm), vibrations=vibrations, observed=None)
 
     def _simulated(self, effects: Sequence[PlacedEffect]) -> Floats:
         simulation = simulate_with(effects, self.arm, self.world, self.drive)
@@ -224,8 +294,13 @@ class Stage:
 
     @cached_property
     def _solved_plain(self) -> Floats:
-        """What the model itself gives without effects, against its linearisation, shape (nodes, rows)."""
-        return self._solved(())
+        """What the model itself gives without effects, against its linearisation, shape (nodes, rows).
+
+        NaN where it has found another equilibrium: that is no correction of this one.
+        """
+        plain = self._solved(())
+        elsewhere = np.any(np.abs(plain) > ELSEWHERE * self.lever, axis=1)
+        return np.where(elsewhere.reshape(-1, 1), np.nan, plain)
 
     def _solved(self, effects: Sequence[PlacedEffect]) -> Floats:
         """Give what the model itself says under effects, against the prediction, shape (nodes, rows)."""
@@ -284,8 +359,14 @@ class Stage:
         moved = _applied(self.by_drive[field], change)
         if self.vibrations is None or modal is None:
             return moved
-        strained = np.nan_to_num(_applied(self.strains_by_drive[field], change))
-        return moved + _applied(self._lag_jacobian, self.vibrations.lag(strained, modal, section))
+        # By poses that it only swings through, close to a limit point, it would yield far: it yields at rest.
+        at_rest, there = (
+            np.nan_to_num(_applied(by_drive[field], change))
+            for by_drive in (self.vibrations.strains_by_drive, self.strains_by_drive)
+        )
+        by_strain, stable = self._strain_jacobian
+        vibrating = moved + _applied(by_strain, self.vibrations.strains(at_rest, modal, section) - there)
+        return np.where(stable.reshape(-1, *(1,) * (change.ndim - 1)), vibrating, 0.0)
 
     @cached_property
     def signals(self) -> Signals:
@@ -300,10 +381,7 @@ class Stage:
     @cached_property
     def strains_by_drive(self) -> dict[str, Floats]:
         """Derivatives of the strains by these, each of shape (samples, 4 segments, inputs)."""
-        response = self.arm.baseline
-        samples, sections = response.frames.positions.shape[:2]
-        rows = self.arm.segments.rows(response.frames).reshape(samples, -1, 6 * sections)
-        return _by_part(rows @ response.input_jacobian, rows @ response.eigenstrain_jacobian, self.drive)
+        return _strains_by_drive(self.arm)
 
     def _usual(self, drive: Drive, effects: Sequence[PlacedEffect]) -> Floats:
         """Give the turn of the base that the laboratory's registration has taken out, shape (samples, 3)."""
@@ -361,6 +439,14 @@ def _by_part(by_input: Floats, by_eigenstrain: Floats, drive: Drive) -> dict[str
         "gravity": by_input[..., -3:],
         "eigenstrains": by_eigenstrain,
     }
+
+
+def _strains_by_drive(arm: LinearisedArm) -> dict[str, Floats]:
+    """Return derivatives of the strains by the parts of a drive; see ``Stage.strains_by_drive``."""
+    response = arm.baseline
+    samples, sections = response.frames.positions.shape[:2]
+    rows = arm.segments.rows(response.frames).reshape(samples, -1, 6 * sections)
+    return _by_part(rows @ response.input_jacobian, rows @ response.eigenstrain_jacobian, arm.drive)
 
 
 def _applied(slopes: Floats, change: Floats) -> Floats:

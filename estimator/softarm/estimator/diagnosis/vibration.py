@@ -15,7 +15,7 @@ from scipy.optimize import least_squares
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.stage import Stage, Vibrations, fading
 from softarm.estimator.simulation import LinearisedArm
-from softarm.estimator.simulation.inertia import Masses, StrainDynamics, VibratingArm
+from softarm.estimator.simulation.inertia import Masses, StrainDynamics, VibratingArm, strain_stiffness
 
 LONGEST_STEP = 0.11
 """Samples that are further apart [s] do not show a vibration."""
@@ -109,10 +109,13 @@ def with_vibration(stage: Stage, vibration: Vibration, masses: Masses) -> Stage:
     vibrating = _vibrating(stage, _dynamics(stage, masses), theta)
     couples = vibrating.couples(vibrating.lag(_still(stage))).reshape(stage.drive.couples.shape)
     drive = stage.drive.plus(np.zeros_like(stage.drive.wrenches), couples)
-    arm = LinearisedArm(stage.arm.segments, drive, stage.arm.respond(drive))
+    response = stage.arm.respond(drive)
+    # Poses that it swings through and that no stable equilibrium holds have no first order.
+    *_, stable = strain_stiffness(response, stage.arm.segments)
+    arm = LinearisedArm(stage.arm.segments, drive, replace(response, converged=stable))
     error = vibration.relative_error * _envelope(stage, _observed(stage, vibrating))
     error = np.where(_held(stage)[:, None], stage.model_error_std, error)
-    vibrations = Vibrations(vibrating, _still(stage))
+    vibrations = Vibrations(vibrating, _still(stage), stage.arm)
     return replace(stage, arm=arm, drive=drive, vibrations=vibrations, vibration_error_std=error)
 
 
@@ -143,11 +146,18 @@ def _dynamics(stage: Stage, masses: Masses) -> StrainDynamics:
 
 def _vibrating(stage: Stage, dynamics: StrainDynamics, theta: Floats) -> VibratingArm:
     """Return the arm of a stage that vibrates as ``START`` lists it, but where a load holds it."""
-    valid = stage.arm.baseline.converged
+    converged = stage.arm.baseline.converged
     factor = float(np.exp(theta[0]))
     heavy = replace(dynamics, mass=factor * dynamics.mass, rubber=factor * dynamics.rubber)
     damping = (float(theta[1]), float(theta[2]))
-    return VibratingArm(stage.session.clock, heavy, damping, float(theta[3]), valid, valid & ~_held(stage))
+    return VibratingArm(
+        stage.session.clock,
+        heavy,
+        damping,
+        float(theta[3]),
+        converged & dynamics.stable,
+        converged & ~_held(stage),
+    )
 
 
 def _still(stage: Stage) -> Floats:

@@ -66,28 +66,25 @@ class StrainDynamics:
         mass: M, of the same shape.
         rubber: What the segments have of M, of the same shape.
         places: Derivative of the sections' origins by the strains, shape (samples, sections, 3, strains).
+        stable: Samples at a stable equilibrium, shape (samples,); the others have typical matrices.
     """
 
     stiffness: Floats
     mass: Floats
     rubber: Floats
     places: Floats
+    stable: Flags
 
     @classmethod
     def of(cls, response: ArmResponse, segments: Segments, masses: Masses) -> "StrainDynamics":
         """Reduce the arm to its strains in every pose."""
         frames = response.frames
         samples, sections = frames.positions.shape[:2]
-        rows = segments.rows(frames).reshape(samples, -1, 6 * sections)
-        stable = _stable(rows @ response.load_jacobian @ np.swapaxes(rows, 1, 2), response.converged)
-        by_wrench = _filled(response.load_jacobian, stable)
-        turned = by_wrench @ np.swapaxes(rows, 1, 2)
-        compliance = rows @ turned
-        stiffness = np.asarray(np.linalg.inv(0.5 * (compliance + np.swapaxes(compliance, 1, 2))), np.float64)
+        turned, stiffness, stable = strain_stiffness(response, segments)
         by_strain = (turned @ stiffness).reshape(samples, sections, 6, -1)
         rubber = replace(masses, sections=np.zeros_like(masses.sections))
         mass, soft = (mass_matrix(frames, segments.neighbours, own, by_strain) for own in (masses, rubber))
-        return cls(stiffness, mass, soft, np.ascontiguousarray(by_strain[:, :, :3]))
+        return cls(stiffness, mass, soft, np.ascontiguousarray(by_strain[:, :, :3]), stable)
 
     def frequencies(self, sample: int = 0) -> Floats:
         """Return the natural frequencies about the pose of one sample [Hz], rising."""
@@ -182,6 +179,23 @@ class VibratingArm:
     def heavier(self, ratio: float, added: Floats) -> "VibratingArm":
         """Return it with other masses; see ``StrainDynamics.heavier``."""
         return replace(self, dynamics=self.dynamics.heavier(ratio, added))
+
+
+def strain_stiffness(response: ArmResponse, segments: Segments) -> tuple[Floats, Floats, Flags]:
+    """Return what the couples of all segments move, and the stiffness against them, in every pose.
+
+    Returns:
+        Derivative of the sections' twists by the couples, shape (samples, 6 sections, strains); K, shape
+        (samples, strains, strains); and the samples at a stable equilibrium, shape (samples,): the others
+        have typical values.
+    """
+    samples, sections = response.frames.positions.shape[:2]
+    rows = segments.rows(response.frames).reshape(samples, -1, 6 * sections)
+    stable = _stable(rows @ response.load_jacobian @ np.swapaxes(rows, 1, 2), response.converged)
+    turned = _filled(response.load_jacobian, stable) @ np.swapaxes(rows, 1, 2)
+    compliance = rows @ turned
+    stiffness = np.linalg.inv(0.5 * (compliance + np.swapaxes(compliance, 1, 2)))
+    return turned, np.asarray(stiffness, dtype=np.float64), stable
 
 
 def _stable(compliance: Floats, converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
