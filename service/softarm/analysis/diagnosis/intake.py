@@ -53,15 +53,26 @@ def take_all_in(
 
 
 def with_intakes(diagnosis: Diagnosis, intakes: Sequence[Intake], notes: Sequence[str]) -> Diagnosis:
-    """Add findings of the intake; they were mended or left out, so the verdict is that of the rest."""
-    events = [event_finding(event) for intake in intakes for event in intake.events]
+    """Add findings of the intake; they were mended or left out, so the verdict is that of the rest.
+
+    The intake compares a recording with a steady law that the recording itself shows. Where nominal
+    recordings tell that the arm now follows a law without a name, nobody can say what is an event: it becomes
+    a note.
+    """
+    events = [event for intake in intakes for event in intake.events]
+    if diagnosis.nominal and diagnosis.verdict == "unexplained":
+        notes = (
+            *notes,
+            *(f"{event.statement} What acts without a name may have caused it." for event in events),
+        )
+        events = []
     mismatches = [
         mismatch_finding(one)
         for intake in intakes
         for one in intake.mismatches
         if one.kind not in NO_MISMATCH
     ]
-    findings = (*mismatches, *diagnosis.findings, *events)
+    findings = (*mismatches, *diagnosis.findings, *map(event_finding, events))
     return replace(diagnosis, findings=findings, notes=(*notes, *diagnosis.notes))
 
 
