@@ -40,6 +40,7 @@ class Connection:
         arm: str,
         endpoint: str = DEFAULT_ENDPOINT,
         name: str = "softarm-client",
+        *,
         zenoh_config: Path | None = None,
     ) -> None:
         if not re.fullmatch(CLIENT_NAME, name):

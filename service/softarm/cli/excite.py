@@ -125,7 +125,7 @@ def _connect(
     from softarm_client import Arm
 
     if arm is not None:
-        return stack.enter_context(Arm(arm, endpoint, "softarm excite", zenoh_config))
+        return stack.enter_context(Arm(arm, endpoint, "softarm excite", zenoh_config=zenoh_config))
     chosen = specimen or str(fake_specimen())
     settings = RigSettings(DEMO_SCENARIO, specimen=chosen, endpoint=endpoint, patience=PATIENCE)
     say("starting the simulated instruments and the service; the estimator needs half a minute or more")

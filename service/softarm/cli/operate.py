@@ -36,7 +36,7 @@ def arm(
     Example: softarm arm --arm sopra --kpa 20,0,0,0,0,0 --seconds 5
     """
     pressures = None if kpa is None else _pressures(kpa)
-    with Arm(arm, endpoint, "softarm arm", zenoh_config) as running:
+    with Arm(arm, endpoint, "softarm arm", zenoh_config=zenoh_config) as running:
         with suppress(KeyboardInterrupt), leased(running):
             running.arm()
             say(f"{arm}: armed; Ctrl-C vents it")
@@ -68,7 +68,7 @@ def stop(arm: str, endpoint: str, zenoh_config: Path | None, as_json: bool) -> i
 
     Example: softarm stop --arm sopra
     """
-    with Arm(arm, endpoint, "softarm stop", zenoh_config) as running:
+    with Arm(arm, endpoint, "softarm stop", zenoh_config=zenoh_config) as running:
         mode = running.stop().mode
     show(Table(f"Arm {arm}", [{"mode": mode}]), as_json=as_json)
     return 0
@@ -84,7 +84,7 @@ def clear(arm: str, endpoint: str, zenoh_config: Path | None, as_json: bool) -> 
 
     Example: softarm clear --arm sopra
     """
-    with Arm(arm, endpoint, "softarm clear", zenoh_config) as running:
+    with Arm(arm, endpoint, "softarm clear", zenoh_config=zenoh_config) as running:
         cleared = running.clear()
     show(Table(f"Arm {arm}", [{"mode": cleared.mode, "cleared": cleared.cleared}]), as_json=as_json)
     return 0
@@ -101,7 +101,7 @@ def tare(arm: str, endpoint: str, zenoh_config: Path | None, as_json: bool) -> i
 
     Example: softarm tare --arm sopra
     """
-    with Arm(arm, endpoint, "softarm tare", zenoh_config) as running:
+    with Arm(arm, endpoint, "softarm tare", zenoh_config=zenoh_config) as running:
         zeros, loads = running.tare().loads_n, running.estimate().loads
     axes = [
         {"section": load.section, "axis": axis}

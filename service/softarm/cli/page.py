@@ -95,7 +95,7 @@ def command(
         raise click.UsageError("give --arm, --config with the service's file, --recording or --diagnosis")
     endpoint = endpoint or (DEFAULT_ENDPOINT if known is None else _endpoint(known.network))
     zenoh_config = zenoh_config or zenoh_credential()
-    connect = partial(Arm, arm, endpoint, "operator page", zenoh_config)
+    connect = partial(Arm, arm, endpoint, "operator page", zenoh_config=zenoh_config)
     with awaiting_signals(), page_server(host, port, arm, origins) as server:
         click.echo(f"operator page: http://{host}:{port}")
         served = wait_for_arm(server, connect, say, lambda: signal.sigtimedwait(ENDING, AGAIN_S) is not None)

@@ -27,7 +27,7 @@ def command(arm: str, endpoint: str, zenoh_config: Path | None, as_json: bool) -
 
     Example: softarm status --arm sopra
     """
-    with Arm(arm, endpoint, "softarm status", zenoh_config) as running:
+    with Arm(arm, endpoint, "softarm status", zenoh_config=zenoh_config) as running:
         state = running.state()
         try:
             estimate = running.estimate()

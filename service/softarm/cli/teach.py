@@ -38,7 +38,7 @@ def save(arm: str, endpoint: str, zenoh_config: Path | None, names: tuple[str, .
 
     Example: softarm teach save --arm sopra left right
     """
-    with Arm(arm, endpoint, "softarm teach", zenoh_config) as running, leased(running):
+    with Arm(arm, endpoint, "softarm teach", zenoh_config=zenoh_config) as running, leased(running):
         running.arm()
         rows = [_taught(running, name) for name in names]
     show(Table(f"Poses of {arm}", rows), as_json=as_json)
@@ -68,7 +68,7 @@ def list_poses(arm: str, endpoint: str, zenoh_config: Path | None, as_json: bool
 
     Example: softarm teach list --arm sopra
     """
-    with Arm(arm, endpoint, "softarm teach", zenoh_config) as running:
+    with Arm(arm, endpoint, "softarm teach", zenoh_config=zenoh_config) as running:
         poses = running.teach.poses()
     show(Table(f"Poses of {arm}", [_row(name, pose) for name, pose in poses.items()]), as_json=as_json)
     return 0
@@ -88,7 +88,7 @@ def goto(
 
     Example: softarm teach goto --arm sopra left --seconds 10
     """
-    with Arm(arm, endpoint, "softarm teach", zenoh_config) as running:
+    with Arm(arm, endpoint, "softarm teach", zenoh_config=zenoh_config) as running:
         with suppress(KeyboardInterrupt), leased(running):
             running.arm()
             pose = running.teach.goto(name)

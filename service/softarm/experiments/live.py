@@ -228,7 +228,9 @@ def live_rig(
         ):
             yield live
     else:
-        with Arm(arm, endpoint or DEFAULT_ENDPOINT, "experiment", settings.zenoh_config) as client:
+        with Arm(
+            arm, endpoint or DEFAULT_ENDPOINT, "experiment", zenoh_config=settings.zenoh_config
+        ) as client:
             wait_ready(client)
             described = load_specimen(specimen) if specimen else specimen_of_arm(client)
             with client.lease():

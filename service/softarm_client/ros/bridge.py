@@ -45,7 +45,7 @@ def serve(
     except ImportError as error:
         raise SetupError("ROS 2", f"cannot be imported ({error})", CURE) from error
     ended = _ended_by_signal()
-    client = _wait_for(partial(Arm, arm, endpoint, "ROS node", zenoh_config), say, ended)
+    client = _wait_for(partial(Arm, arm, endpoint, "ROS node", zenoh_config=zenoh_config), say, ended)
     if client is None:
         return
     with client, running_node(client, arguments) as node:
