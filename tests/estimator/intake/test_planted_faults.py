@@ -190,6 +190,15 @@ def test_pressures_that_are_stated_to_be_in_pascals_are_left_alone(good: Recordi
     np.testing.assert_array_equal(mended.columns["pressure_1_pa"], stated.columns["pressure_1_pa"])
 
 
+def test_a_chamber_that_is_commanded_to_open_hardly_at_all_is_no_other_unit(good: Recording) -> None:
+    slow = 1000.0 * (1.0 - np.cos(0.2 * good.time))
+    columns = {"pressure_cmd_3_pa": slow, "pressure_3_pa": 100.0 * np.round(0.3 * slow / 100.0)}
+    recording = replace(good, columns={**good.columns, **columns})
+    mended, found = mend_units(recording, SPECIMEN)
+    assert not found
+    np.testing.assert_array_equal(mended.columns["pressure_3_pa"], columns["pressure_3_pa"])
+
+
 @pytest.mark.parametrize("touched", [False, True])
 def test_a_first_loading_that_is_stiffer_is_a_law_and_a_touch_on_later_ones_is_none(*, touched: bool) -> None:
     time = np.arange(0.0, 60.0, 0.05)

@@ -159,13 +159,23 @@ def _single_chambers(
         for name, span in spans.items():
             if not 0.0 < span < usual / STRAYED or not _acts(recording, aligned, specimen, name, usual):
                 continue
-            unit = min(PRESSURES, key=lambda one: abs(np.log(PRESSURES[one][0] * span / usual)))
+            partner = recording.columns.get(_other_column(name))
+            shown = _span(partner) if partner is not None else 0.0
+            wanted = shown if shown > usual / STRAYED else usual
+            unit = min(PRESSURES, key=lambda one: abs(np.log(PRESSURES[one][0] * span / wanted)))
+            if unit == "pascals":  # its other column says that the chamber was hardly opened
+                continue
             columns[name] = recording.columns[name] * PRESSURES[unit][0]
             top = float(np.nanmax(recording.columns[name]))
             what = f"{name} reaches {top:.4g} and changes {usual / span:.0f} times less than other chambers"
             cure = f"taken for {unit} beside pascals and converted for this run"
             found.append(RecordingFault(recording.name, "unit", (name,), what, cure))
     return replace(recording, columns=columns), tuple(found)
+
+
+def _other_column(name: str) -> str:
+    """Name the column of what was commanded of what was measured, and the other way."""
+    return name.replace("cmd_", "") if "cmd" in name else name.replace("pressure_", "pressure_cmd_")
 
 
 def _span(column: Floats) -> float:
@@ -190,8 +200,7 @@ def _acts(recording: Recording, aligned: Recording, specimen: Specimen, name: st
         name: Column of the pressure.
         usual: How far the pressures of other chambers change.
     """
-    other = name.replace("pressure_", "pressure_cmd_") if "cmd" not in name else name.replace("cmd_", "")
-    own, partner = recording.columns[name], recording.columns.get(other)
+    own, partner = recording.columns[name], recording.columns.get(_other_column(name))
     if partner is None or _span(partner) == 0.0:
         return False
     both = np.isfinite(own) & np.isfinite(partner)
