@@ -45,6 +45,7 @@ def with_poses(evidence: RegressionProblem, weights: Weights, prior: Gaussian) -
             noise = np.array([weights.scale[name] for name in names])
             stage = replace(stage, observed=observed(stage, correction, noise))
         stages.append(stage)
+    # What was kept is over the compliance before: that where effects see the arm counts as well now.
     return replace(evidence, stages=tuple(stages), kept={})
 
 

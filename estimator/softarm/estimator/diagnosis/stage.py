@@ -143,14 +143,16 @@ class Stage:
         return couple_jacobian
 
     @cached_property
-    def _strain_jacobian(self) -> tuple[Floats, Flags]:
-        """Derivative of the predictions by the strains, shape (samples, rows, 4 segments).
+    def _strain_stiffness(self) -> tuple[Floats, Floats, Flags]:
+        """What couples move, the stiffness against them, and the stable samples; see ``strain_stiffness``."""
+        return strain_stiffness(self.arm.baseline, self.arm.segments)
 
-        Also the samples at which it is known: those at a stable equilibrium, shape (samples,).
-        """
-        turned, stiffness, stable = strain_stiffness(self.arm.baseline, self.arm.segments)
+    @cached_property
+    def _strain_jacobian(self) -> Floats:
+        """Derivative of the predictions by the strains, shape (samples, rows, 4 segments)."""
+        turned, stiffness, _ = self._strain_stiffness
         by_strain: Floats = self.twist_jacobian @ turned @ stiffness
-        return by_strain, stable
+        return by_strain
 
     @cached_property
     def by_eigenstrain(self) -> Floats:
@@ -210,9 +212,7 @@ class Stage:
         Close to a limit point small errors of stiffness or load move it far: what a model gets wrong of its
         pose grows with its compliance. Where effects see the arm elsewhere, the larger of both counts.
         """
-        arms = [self] if self.observed is None else [self, self._there]
-        largest: Floats = np.max([stage._relative_compliance for stage in arms], axis=0)
-        return largest
+        return np.maximum(self._relative_compliance, self._there._relative_compliance)
 
     @cached_property
     def _relative_compliance(self) -> Floats:
@@ -222,10 +222,10 @@ class Stage:
         """
         known = self.arm.baseline.converged & np.isfinite(self.couple_jacobian).all(axis=(1, 2))
         if self.vibrations is not None:
-            known &= self._strain_jacobian[1]
+            known &= self._strain_stiffness[-1]
         if not known.any():
             return np.ones(len(known))
-        _, stiffness, _ = strain_stiffness(self.arm.baseline, self.arm.segments)
+        _, stiffness, _ = self._strain_stiffness
         usual = np.median(np.diagonal(stiffness[known], axis1=1, axis2=2), axis=0)
         couples = usual * np.tile([1.0, 1.0, 1.0, LEVER], self.arm.segments.count)
         sizes = np.linalg.norm(self.couple_jacobian * couples / self.lever[:, None], axis=(1, 2))
@@ -364,8 +364,9 @@ class Stage:
             np.nan_to_num(_applied(by_drive[field], change))
             for by_drive in (self.vibrations.strains_by_drive, self.strains_by_drive)
         )
-        by_strain, stable = self._strain_jacobian
-        vibrating = moved + _applied(by_strain, self.vibrations.strains(at_rest, modal, section) - there)
+        strained = self.vibrations.strains(at_rest, modal, section) - there
+        vibrating = moved + _applied(self._strain_jacobian, strained)
+        *_, stable = self._strain_stiffness
         return np.where(stable.reshape(-1, *(1,) * (change.ndim - 1)), vibrating, 0.0)
 
     @cached_property

@@ -152,16 +152,18 @@ def _single_chambers(
     recording: Recording, aligned: Recording, specimen: Specimen
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Bring chambers to the unit of the others that change far less than these and act all the same."""
-    columns, found = dict(recording.columns), []
+    columns, found, spans = dict(recording.columns), [], _spans(recording)
     for kind in ("measured", "commanded"):
-        spans = {name: _span(recording.columns[name]) for name in pressure_columns(recording, kind)}
-        usual = float(np.median([span for span in spans.values() if span > 0.0] or [0.0]))
-        for name, span in spans.items():
-            if not 0.0 < span < usual / STRAYED or not _acts(recording, aligned, specimen, name, usual):
+        own = {name: spans[name] for name in pressure_columns(recording, kind)}
+        usual = float(np.median([span for span in own.values() if span > 0.0] or [0.0]))
+        for name, span in own.items():
+            shown = spans.get(_other_column(name), 0.0)
+            moves = shown > usual / STRAYED
+            if not 0.0 < span < usual / STRAYED or shown == 0.0:
                 continue
-            partner = recording.columns.get(_other_column(name))
-            shown = _span(partner) if partner is not None else 0.0
-            wanted = shown if shown > usual / STRAYED else usual
+            if not _acts(recording, aligned, specimen, name, moves=moves):
+                continue
+            wanted = shown if moves else usual
             unit = min(PRESSURES, key=lambda one: abs(np.log(PRESSURES[one][0] * span / wanted)))
             if unit == "pascals":  # its other column says that the chamber was hardly opened
                 continue
@@ -178,6 +180,14 @@ def _other_column(name: str) -> str:
     return name.replace("cmd_", "") if "cmd" in name else name.replace("pressure_", "pressure_cmd_")
 
 
+def _spans(recording: Recording) -> dict[str, float]:
+    """Return by how much each pressure changes, by its column; see ``_span``."""
+    kinds = ("measured", "commanded")
+    return {
+        name: _span(recording.columns[name]) for kind in kinds for name in pressure_columns(recording, kind)
+    }
+
+
 def _span(column: Floats) -> float:
     """Return by how much a pressure changes; zero where it is noise, or was never read."""
     read = column[np.isfinite(column)]
@@ -187,25 +197,22 @@ def _span(column: Floats) -> float:
     return 0.0 if _white(read, within) else float(np.ptp(within))
 
 
-def _acts(recording: Recording, aligned: Recording, specimen: Specimen, name: str, usual: float) -> bool:
+def _acts(recording: Recording, aligned: Recording, specimen: Specimen, name: str, *, moves: bool) -> bool:
     """Return whether a pressure that hardly changes acts: as its other column does, or on the bends.
 
-    Where its other column rests or was never read, the chamber may be idle: what a closed one reads follows
-    the bends as well.
+    Its other column must have changed: where that rests or was never read, the chamber may be idle, and what
+    a closed one reads follows the bends as well.
 
     Args:
         recording: As it was recorded.
         aligned: The same with pressures and motion on one clock.
         specimen: The robot.
         name: Column of the pressure.
-        usual: How far the pressures of other chambers change.
+        moves: Whether its other column changes as far as those of other chambers do.
     """
-    own, partner = recording.columns[name], recording.columns.get(_other_column(name))
-    if partner is None or _span(partner) == 0.0:
-        return False
+    own, partner = recording.columns[name], recording.columns[_other_column(name)]
     both = np.isfinite(own) & np.isfinite(partner)
-    moves = _span(partner) > usual / STRAYED and both.sum() > 2
-    if moves and float(np.corrcoef(own[both], partner[both])[0, 1]) > FOLLOWED:
+    if moves and both.sum() > 2 and float(np.corrcoef(own[both], partner[both])[0, 1]) > FOLLOWED:
         return True
     bends, own = _bends_or_places(aligned, specimen), aligned.columns[name]
     if bends is None:
@@ -224,11 +231,7 @@ def _acts(recording: Recording, aligned: Recording, specimen: Specimen, name: st
 
 def _aligned(recording: Recording, specimen: Specimen) -> Recording:
     """Move pressures and motion onto one clock, whatever their units, where the recording shows a shift."""
-    sizes = {
-        name: _span(recording.columns[name])
-        for kind in ("measured", "commanded")
-        for name in pressure_columns(recording, kind)
-    }
+    sizes = _spans(recording)
     plain = {name: recording.columns[name] * (ANY_PRESSURE / size) for name, size in sizes.items() if size}
     seen = without_zeros(replace(recording, columns={**recording.columns, **plain}))
     mended, _ = mend_clocks(seen, specimen)
