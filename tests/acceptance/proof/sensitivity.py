@@ -97,7 +97,7 @@ def moved(constant: DecidingConstant, factor: float) -> Iterator[None]:
         module
         for name, module in list(sys.modules.items())
         if name.startswith(PACKAGE)
-        and hasattr(module, constant.name)
+        and getattr(module, constant.name, None) is old
         and (name == own or constant.name not in _assigned(name))
     ]
     try:

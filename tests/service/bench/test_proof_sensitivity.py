@@ -8,7 +8,16 @@ import pytest
 from acceptance.proof import sensitivity
 from acceptance.proof.sensitivity import STEP, DecidingConstant, deciding_constants, moved, sensitivity_table
 from softarm.bench.trials.folders import Trial
-from softarm.estimator.diagnosis import candidates, choose, conclude, detection, judge, nominal, valve_stage
+from softarm.estimator.diagnosis import (
+    candidates,
+    choose,
+    conclude,
+    detection,
+    judge,
+    nominal,
+    unnamed,
+    valve_stage,
+)
 
 
 def constant(module: str, name: str) -> DecidingConstant:
@@ -46,6 +55,13 @@ def test_a_constant_of_another_module_with_the_same_name_stays():
             with moved(one, 1.0 + STEP):
                 assert {name: getattr(valve_stage, name) for name in shared} == before
     assert {name: getattr(valve_stage, name) for name in shared} == before
+
+
+def test_what_a_module_has_imported_from_elsewhere_under_the_same_name_stays():
+    before = unnamed.NOTHING
+    with moved(constant("conclude", "NOTHING"), 1.0 + STEP):
+        assert unnamed.NOTHING is before
+    assert unnamed.NOTHING is before
 
 
 def test_whole_numbers_move_by_one_at_least():
