@@ -324,31 +324,40 @@ def _unexplained(causes: Floats, motion: Floats, lags: Indices) -> tuple[Floats,
     if len(rows) < 5 * causes.shape[1]:
         return predicted, fitted
     values = motion[rows] - motion[rows].mean(axis=0)
-    power = np.maximum((values**2).sum(axis=0), 1e-30)
+    parts = [slice(*ends) for ends in pairwise(np.linspace(0, len(rows), PARTS + 1).astype(int))]
+    power = np.array([(values[part] ** 2).sum(axis=0) for part in parts])
+    inner = np.empty((len(lags), PARTS, causes.shape[1], causes.shape[1]))
+    outer = np.empty((*inner.shape[:3], values.shape[1]))
     for k, lag in enumerate(lags):
-        predicted[k], fitted[k] = (part / power for part in _regressed(causes[rows - lag], values))
+        design = causes[rows - lag]
+        for m, part in enumerate(parts):
+            inner[k, m] = design[part].T @ design[part]
+            outer[k, m] = design[part].T @ values[part]
+    whole = np.maximum(power.sum(axis=0), 1e-30)
+    predicted, fitted = (left / whole for left in _regressed(inner, outer, power, 1e-4 * len(rows)))
     return predicted, fitted
 
 
-def _regressed(design: Floats, values: Floats) -> tuple[Floats, Floats]:
+def _regressed(inner: Floats, outer: Floats, power: Floats, ridge: float) -> tuple[Floats, Floats]:
     """Sum up what a regression mispredicts of each part from the others, and what one on all leaves.
 
     With A = D^T D, B = D^T V and a law L, the sum of squares of V - D L is V^T V - 2 L B + L A L.
 
+    Args:
+        inner: A of each part, shape (lags, parts, causes, causes).
+        outer: B of each part, shape (lags, parts, causes, values).
+        power: Diagonal of V^T V of each part, shape (parts, values).
+        ridge: What is added to the diagonal of A.
+
     Returns:
-        Both sums of squares, of shape (values,).
+        Both sums of squares, of shape (lags, values).
     """
-    parts = np.linspace(0, len(values), PARTS + 1).astype(int)
-    rows = [slice(begin, end) for begin, end in pairwise(parts)]
-    inner = np.array([design[one].T @ design[one] for one in rows])
-    outer = np.array([design[one].T @ values[one] for one in rows])
-    power = np.array([(values[one] ** 2).sum(axis=0) for one in rows])
-    ridge = 1e-4 * len(values) * np.eye(design.shape[1])
-    whole, right = inner.sum(axis=0), outer.sum(axis=0)
-    laws = np.linalg.solve(whole - inner + ridge, right - outer)
-    law = np.linalg.solve(whole + ridge, right)
-    held_out: Floats = (power + (laws * (inner @ laws - 2.0 * outer)).sum(axis=1)).sum(axis=0)
-    residual: Floats = power.sum(axis=0) + (law * (whole @ law - 2.0 * right)).sum(axis=0)
+    added = ridge * np.eye(inner.shape[-1])
+    whole, right = inner.sum(axis=1), outer.sum(axis=1)
+    laws = np.linalg.solve(whole[:, None] - inner + added, right[:, None] - outer)
+    law = np.linalg.solve(whole + added, right)
+    held_out: Floats = (power + (laws * (inner @ laws - 2.0 * outer)).sum(axis=2)).sum(axis=1)
+    residual: Floats = power.sum(axis=0) + (law * (whole @ law - 2.0 * right)).sum(axis=1)
     return held_out, residual
 
 

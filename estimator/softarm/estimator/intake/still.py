@@ -190,10 +190,13 @@ def _repeats(recording: Recording, members: tuple[str, ...]) -> Iterator[Indices
     """List the stretches of at least ``LEAST`` seconds in which columns repeat their numbers."""
     values = recording.stack(members)
     seen = np.flatnonzero(np.isfinite(values).all(axis=1))
-    changes = (np.diff(values[seen], axis=0) != 0.0).any(axis=1)
-    for rows in np.split(seen, np.flatnonzero(changes) + 1):
-        if len(rows) >= 3 and recording.time[rows[-1]] - recording.time[rows[0]] >= LEAST:
-            yield rows
+    if not len(seen):
+        return
+    changes = np.flatnonzero((np.diff(values[seen], axis=0) != 0.0).any(axis=1))
+    first, last = np.append(0, changes + 1), np.append(changes, len(seen) - 1)
+    lasting = (last - first >= 2) & (recording.time[seen[last]] - recording.time[seen[first]] >= LEAST)
+    for begin, end in zip(first[lasting], last[lasting], strict=True):
+        yield seen[begin : end + 1]
 
 
 def _noisy(values: Floats) -> bool:
