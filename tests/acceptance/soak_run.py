@@ -204,6 +204,8 @@ class Soak:
                     visitor.send_signal(signal.SIGCONT)
                 if dice.random() < 0.3:
                     visitor.kill()
+            for visitor in visitors:
+                visitor.kill()
 
     def _command(self, client: Arm, dice: random.Random) -> None:
         """Arm, play, teach, hold, clear, record: what the mode allows, and some that it does not."""

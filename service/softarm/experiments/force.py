@@ -14,12 +14,15 @@ from softarm_client.messages import Estimate, State
 
 SECTION = "tip"
 """Section that the cord is tied to."""
-STEPS = 12
+STEPS = 8
 """Positions of the gauge, and pressures, at which the force is compared."""
 TRAVEL_M = 0.065
 """How far the gauge moves away: to about 0.67 N, the paper's range, on SoPrA."""
-SETTLE_S, LOOK_S = 1.5, 0.5
-"""Wait before each comparison, and the duration that it averages over."""
+RAMP_S, SETTLE_S, LOOK_S = 0.5, 1.5, 0.5
+"""Duration of a change of pressure, wait before each comparison, and the duration that it averages over.
+
+The arm's slowest vibration has a period of about half a second: a ramp of one period leaves little of it.
+"""
 
 
 def compare_forces(
@@ -49,7 +52,7 @@ def compare_forces(
         rig.advance = partial(compare, still)
         pull_steps(rig, SECTION, (0.0,), steps, TRAVEL_M, SETTLE_S)
         rig.advance = partial(compare, pressurised)
-        against_the_cord(rig, 0.0, np.linspace(0.0, 1.0, steps), SETTLE_S, SETTLE_S)
+        against_the_cord(rig, 0.0, np.linspace(0.0, 1.0, steps), RAMP_S, SETTLE_S)
     return columns, paths[0]
 
 

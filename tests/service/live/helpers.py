@@ -2,6 +2,7 @@
 
 import contextlib
 import time
+from collections import deque
 
 import numpy as np
 
@@ -76,15 +77,13 @@ def _at_rest(client):
 
 def _once_at_rest(client, look, positions):
     """Return what a look shows once the positions have hardly moved through whole periods of vibration."""
-    deadline = time.monotonic() + PATIENCE_S
+    deadline, looks = time.monotonic() + PATIENCE_S, deque(maxlen=1 + LOOKS)
     while True:
-        begin, looks = time.monotonic(), []
-        while len(looks) < LOOKS or time.monotonic() - begin < SWING_S:
-            looks.append(look())
-            later(client, SWING_S / LOOKS)
-        if np.ptp([positions(seen) for seen in looks], axis=0).max() < STILL_M:
+        looks.append(look())
+        if len(looks) > LOOKS and np.ptp([positions(seen) for seen in looks], axis=0).max() < STILL_M:
             return looks[-1]
         assert time.monotonic() < deadline, "the arm does not come to rest"
+        later(client, SWING_S / LOOKS)
 
 
 def _until(client, accept):

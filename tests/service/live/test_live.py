@@ -201,14 +201,6 @@ def send(session, client, verb, fields):
     return json.loads(bytes(reply.err.payload))
 
 
-def test_second_service_for_the_arm_refuses_to_start(rig):
-    command = [sys.executable, "-m", "softarm", "serve", "--config", str(rig.config_path)]
-    second = subprocess.run(command, capture_output=True, text=True, timeout=100, check=False)
-    assert second.returncode == 1
-    assert second.stderr.strip().count("\n") == 0
-    assert "address is free" in second.stderr
-
-
 def test_stalled_subscriber_holds_up_nobody(rig, client):
     with other_client(rig.settings, "listen") as process, collecting(client.states()) as states:
         process.send_signal(signal.SIGSTOP)
