@@ -1,6 +1,5 @@
 """What all tests share."""
 
-import os
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +22,6 @@ REALTIME = (
 )
 COLLECTED = {*REALTIME, SERVICE / "page"}
 """All that `./run test` collects for tests in real time: other imports take long."""
-
-
-def pytest_xdist_auto_num_workers():
-    """Let one worker more than there are cores run: some always wait for a process, a socket or a timer."""
-    return 1 + (os.cpu_count() or 1)
 
 
 def pytest_collection_modifyitems(items):
