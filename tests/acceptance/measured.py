@@ -107,7 +107,7 @@ def run_command(name: str, store: Path = STORE) -> None:
         [sys.executable, "-m", "softarm", *words, "--json"], check=False, stdout=subprocess.PIPE, text=True
     )
     try:
-        output = json.loads(done.stdout)
+        output = json.loads(done.stdout.replace(f"{CHECKOUT}/", ""))
     except json.JSONDecodeError:
         raise WorkFailedError(
             f"softarm {' '.join(words)} ended with {done.returncode} and no table"

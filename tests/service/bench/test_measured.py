@@ -1,6 +1,7 @@
 """The figures of the documents come from stored output, and from nowhere else."""
 
 import json
+import subprocess
 
 import click
 import pytest
@@ -8,6 +9,7 @@ import pytest
 from acceptance.figures import FIGURES
 from acceptance.measured import (
     BEGIN,
+    CHECKOUT,
     COMMANDS,
     END,
     PAGE,
@@ -15,6 +17,7 @@ from acceptance.measured import (
     Figure,
     find_value,
     measured_page,
+    run_command,
     stored_tables,
     with_figures,
 )
@@ -75,6 +78,13 @@ def test_a_figure_without_stored_output_is_left_out(tmp_path):
 def test_one_table_alone_is_read_too(store):
     _, tables = stored_tables("step", store)
     assert [table.title for table in tables] == ["sopra: steps"]
+
+
+def test_files_in_the_checkout_are_kept_by_their_place_in_it(tmp_path, monkeypatch):
+    told = json.dumps({"title": "Forces", "rows": [], "notes": [f"Recording: {CHECKOUT}/out/force.mcap"]})
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: subprocess.CompletedProcess((), 0, told))
+    run_command("demo", tmp_path)
+    assert "Recording: out/force.mcap" in measured_page(tmp_path)
 
 
 def test_readme_and_page_are_what_the_stored_output_says():
