@@ -6,6 +6,8 @@ from collections import deque
 
 import numpy as np
 
+from softarm.experiments.rig_control import ramp_pressures
+
 PATIENCE_S = 20.0
 """For what is waited for, not timed."""
 VENTED_MBAR = [0] * 6
@@ -57,12 +59,15 @@ def pressurised(client, mode="ARMED", pressure=20e3):
 
 
 def _bring_to(client, mode, pressure):
+    goal = [pressure, *[0.0] * 5]
     client.arm()
-    client.pressures.set([pressure, *[0.0] * 5], lifetime_s=10.0)
+    if mode == "HOLDING":  # the pose of an arm that swings is held by other pressures
+        ramp_pressures(client, [0.0] * 6, goal, 0.5 * SWING_S)
+    client.pressures.set(goal, lifetime_s=10.0)
     # Teaching begins where the arm is bent: the pressures that hold it straight are none.
     _until(client, lambda s: max(p or 0.0 for p in s.measured_pa) > 0.9 * pressure)
     if mode == "HOLDING":
-        _at_rest(client)  # the pose of an arm that swings is held by other pressures
+        _at_rest(client)
     if mode in ("TEACH", "HOLDING"):
         client.teach.start()
         _until(client, lambda s: s.teach_pressures_pa is not None)
