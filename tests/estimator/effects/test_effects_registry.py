@@ -33,7 +33,7 @@ def test_an_effect_reaches_the_workers_of_a_diagnosis(name: str):
 
 
 def test_a_direction_is_from_minus_to_plus_half_a_turn_however_far_a_fit_went():
-    depth, azimuth = EFFECTS["local_stiffness_defect"].parameters
+    depth, azimuth, _ = EFFECTS["local_stiffness_defect"].parameters
     assert azimuth.value(azimuth.scaled(np.radians(-180.3))) == pytest.approx(np.radians(179.7))
     assert azimuth.value(azimuth.scaled(1.2)) == pytest.approx(1.2)
     assert depth.value(depth.scaled(-1.9)) == pytest.approx(-1.9)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.placed import signals_of
 from softarm.estimator.effects.rubber import losses, slipping
 from softarm.estimator.effects.simulate import simulate_with
@@ -140,7 +141,7 @@ def test_a_softer_segment_bends_more_whatever_the_load():
 
 
 def test_a_defect_depends_on_the_direction_of_the_bend():
-    effect = placed("local_stiffness_defect", [0.5, 0.0], segment="upper")
+    effect = placed("local_stiffness_defect", [0.5, 0.0, 1e-3], segment="upper")
     about_x = drive_of(np.arange(2.0), np.zeros((2, 6)), (0.0, 1.0, 0.0))
     about_y = drive_of(np.arange(2.0), np.zeros((2, 6)), (1.0, 0.0, 0.0))
     assert np.allclose(bends(about_x, effect)[:, 0, 0], 2.0 * bends(about_x)[:, 0, 0])
@@ -149,12 +150,34 @@ def test_a_defect_depends_on_the_direction_of_the_bend():
 
 def test_an_arm_that_is_stretched_bends_away_from_the_stiffer_side():
     stretched = drive_of(np.arange(2.0), np.zeros((2, 6)), (0.0, 0.0, 9.6))
-    effect = placed("local_stiffness_defect", [0.2, 0.5 * np.pi], segment="upper")
+    effect = placed("local_stiffness_defect", [0.2, 0.5 * np.pi, 1e-3], segment="upper")
     plain, bent = bends(stretched)[-1, 0], bends(stretched, effect)[-1, 0]
     radius = WORLD.radii[0]
     assert plain[3] > 0.0
-    assert bent[:3] - plain[:3] == pytest.approx([0.0, 0.25 * plain[3] / radius, 0.0], abs=1e-9)
+    assert bent[:3] - plain[:3] == pytest.approx([0.0, 0.25 * plain[3] / radius, 0.0], abs=1e-7)
     assert bent[3] - plain[3] == pytest.approx(0.125 * plain[3])
+
+
+@pytest.mark.parametrize(("modulus", "width"), [(0.44, 2.05), (0.6, 1.2), (2.5, 0.8)])
+def test_a_defective_ring_strains_as_the_sum_of_its_fibres(modulus: float, width: float):
+    """A bundle of fibres around a ring, those of a strip of another modulus, under an arbitrary load."""
+    azimuth, count, radius = 0.9, 36000, WORLD.radii[0]
+    angle = (np.arange(count) + 0.5) * 2.0 * np.pi / count - np.pi
+    # Columns: elongation over the radius, the bend that makes the middle of the strip longer, and that across.
+    stretch = np.stack([np.ones(count), np.cos(angle), np.sin(angle)])
+    moduli = np.where(np.abs(angle) < 0.5 * width, modulus, 1.0) / count
+    whole, ring = stretch @ stretch.T / count, (stretch * moduli) @ stretch.T
+    freely = ring[1, 1] - ring[0, 1] ** 2 / ring[0, 0]
+    effect = placed("local_stiffness_defect", [1.0 - freely / whole[1, 1], azimuth, width], segment="upper")
+    drive = drive_of(np.arange(2.0), np.zeros((2, 6)), (1.5, 2.5, 9.0))
+    plain, bent = bends(drive)[-1, 0], bends(drive, effect)[-1, 0]
+
+    def along_strip(strains: Floats) -> Floats:
+        turn = np.array([[np.cos(azimuth), np.sin(azimuth)], [-np.sin(azimuth), np.cos(azimuth)]])
+        return np.array([strains[3] / radius, *(turn @ strains[:2])])
+
+    assert ring @ along_strip(bent) == pytest.approx(whole @ along_strip(plain), rel=1e-3, abs=1e-4)
+    assert np.abs(bent - plain).max() > 0.01
 
 
 def test_a_payload_weighs_like_a_force_in_the_direction_of_gravity():

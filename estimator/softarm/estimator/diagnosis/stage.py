@@ -271,12 +271,15 @@ class Stage:
     def moved(self, eigenstrains: Floats) -> "Stage":
         """Return the same session, linearised where eigenstrains would have its arm.
 
+        They bear no load: the strains of the response, which laws of the material see, stay those without.
+
         Args:
             eigenstrains: Shape (samples, segments, 4).
         """
 
         def strained(arm: LinearisedArm) -> LinearisedArm:
-            return replace(arm, baseline=arm.respond(arm.drive.strained(eigenstrains)))
+            there = arm.respond(arm.drive.strained(eigenstrains))
+            return replace(arm, baseline=replace(there, strains=there.strains - eigenstrains))
 
         vibrations = self.vibrations and replace(self.vibrations, resting=strained(self.vibrations.resting))
         return replace(self, arm=strained(self.arm), vibrations=vibrations, observed=None)

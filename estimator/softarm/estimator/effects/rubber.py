@@ -181,22 +181,43 @@ INERTIA_DAMPING = Effect(
 def local_stiffness_defect(
     signals: Signals, theta: Floats, spot: Spot, memory: Memory
 ) -> tuple[Floats, Memory]:
-    """Add the strain about the weak axis and along a segment with a soft, stiff or glued strip on one side.
+    """Let a segment with a soft, stiff or glued strip on one side yield more or less about it and along.
 
-    A fibre at the radius r of a thin ring stretches by s = r n . t + d under the bend t and the elongation d,
-    with n the axis about which the segment bends when that side grows longer. A strip of other stiffness adds
-    a rank-one term in s to the stiffness of the ring, whose bending stiffness is r^2 / 2 of its axial one;
-    inverted (Sherman and Morrison), the bend changes by q n (n . t + d / r) and the elongation by q r (n . t
-    + d / r) / 2, with q = D / (1 - D) and D the share of bending stiffness lost about the axis.
+    A fibre of a thin ring of radius r, at the angle p from the middle of the strip, stretches by d + r (a cos p
+    + b sin p) under the elongation d, the bend a that makes the strip longer, and the bend b across. The ring
+    resists (d / r, a, b) with diag(1, 1/2, 1/2); a strip of the width w loses c times the integral over it of
+    the products of (1, cos p, sin p). The strains are those that the remaining stiffness allows the same load.
+    With the elongation free, the share D of the bending stiffness about a is lost if
+
+        (D/2 - c I_cc) (1 - c w) = (c I_c)^2,    I_c = 2 sin(w/2),    I_cc = (w + sin w) / 2.
     """
-    depth, azimuth = theta
+    depth, azimuth, width = theta
     radii = spot.world.radii
     bend = np.array([np.cos(azimuth), np.sin(azimuth)])
-    along = signals.strains[..., :2] @ bend + signals.strains[..., 3] / radii
-    extra = np.zeros_like(signals.strains)
-    extra[..., :2] = along[..., None] * bend
-    extra[..., 3] = 0.5 * radii * along
-    return signals.strains + depth / (1.0 - depth) * spot.segments[:, None] * extra, memory
+    across = np.array([-bend[1], bend[0]])
+    lost = strip_integrals(width)
+    rate = lost[1, 1] + 0.5 * depth * width
+    rest = np.sqrt(rate**2 - 2.0 * depth * (lost[1, 1] * width - lost[0, 1] ** 2))
+    yielding = np.linalg.inv(RING - depth / (rate + rest) * lost) @ RING - np.eye(3)
+    strains = signals.strains
+    along = np.stack([strains[..., 3] / radii, strains[..., :2] @ bend, strains[..., :2] @ across], axis=-1)
+    more = along @ yielding.T
+    extra = np.zeros_like(strains)
+    extra[..., :2] = more[..., 1:2] * bend + more[..., 2:] * across
+    extra[..., 3] = radii * more[..., 0]
+    return strains + spot.segments[:, None] * extra, memory
+
+
+RING = np.diag([1.0, 0.5, 0.5])
+"""Stiffness of a thin ring against elongation over its radius and both bends, over the axial one."""
+
+
+def strip_integrals(width: float) -> Floats:
+    """Integrate the products of (1, cos p, sin p) over a strip about p = 0, shape (3, 3)."""
+    lever, sine = 2.0 * np.sin(0.5 * width), np.sin(width)
+    return np.array(
+        [[width, lever, 0.0], [lever, 0.5 * (width + sine), 0.0], [0.0, 0.0, 0.5 * (width - sine)]]
+    )
 
 
 def local_stiffness_defect_modal(theta: Floats) -> ModalChange:
@@ -212,20 +233,21 @@ LOCAL_STIFFNESS_DEFECT = Effect(
         ParameterSpec(
             "azimuth", "rad", 0.5, -2.0 * np.pi, 2.0 * np.pi, "shape", "linear", spread=1.8, periodic=True
         ),
+        ParameterSpec("width", "rad", 1.5, 0.2, np.pi, "shape", "log", spread=0.5),
     ),
     places=segments,
     act=local_stiffness_defect,
-    statement="The wall of {where} is defective on one side: its bending stiffness about the axis at "
-    "{azimuth} is {depth:higher|lower}, and it bends about that axis when it is stretched.",
-    source="Rank-one change of the stiffness of a thin ring; J. Sherman and W. J. Morrison, Ann. Math. Stat. "
-    "21 (1950) 124",
+    statement="The wall of {where} is defective on one side, over {width} of its circumference: its bending "
+    "stiffness about the axis at {azimuth} is {depth:higher|lower}, and it bends about that axis when it is "
+    "stretched.",
+    source="Stiffness of a thin ring of which a strip has another modulus",
     needs=frozenset({"each_chamber"}),
     splits=(
         ("chamber_gain", "bend the arm by gravity, mount turned"),
         ("contact_obstacle", "mount turned by 90 degrees"),
     ),
     when="pose",
-    shapes=tuple((float(angle),) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
+    shapes=tuple((float(angle), 1.5) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
     modal=local_stiffness_defect_modal,
 )
 
