@@ -105,6 +105,19 @@ def test_a_wall_is_met_where_corrected_predictions_have_the_arm(stage: Stage) ->
     assert left < 0.15 * off
 
 
+def test_a_law_of_the_material_sees_the_strains_under_load_alone(stage: Stage) -> None:
+    """What nominal recordings correct of a pose bears no load, so a softer wall makes nothing of it."""
+    strains = np.full((stage.session.samples, 2, 4), [0.1, 0.0, 0.0, 0.002])
+    corrected = stage.moved(strains)
+    assert np.abs(corrected.arm.baseline.frames.positions - stage.arm.baseline.frames.positions).max() > 0.01
+    np.testing.assert_allclose(corrected.signals.strains, stage.signals.strains, atol=0.05)
+    softer = PlacedEffect(
+        EFFECTS["segment_stiffness"], Spot(stage.world, Place(segment="lower")), np.array([-0.2])
+    )
+    difference = corrected.change([softer]) - stage.change([softer])
+    assert np.abs(difference).max() < 0.2 * np.abs(stage.change([softer])).max()
+
+
 def test_a_line_is_learnt_from_sessions_that_have_the_sensor_and_predicts_no_orientation() -> None:
     make = SpecimenSensors(load_specimen("sopra"), SECTIONS, Registration())
     rich = SensorSuite((make.bend("tip"), make.orientation("tip")))
