@@ -163,7 +163,7 @@ def test_a_defective_ring_strains_as_the_sum_of_its_fibres(modulus: float, width
     """A bundle of fibres around a ring, those of a strip of another modulus, under an arbitrary load."""
     azimuth, count, radius = 0.9, 36000, WORLD.radii[0]
     angle = (np.arange(count) + 0.5) * 2.0 * np.pi / count - np.pi
-    # Columns: elongation over the radius, the bend that makes the middle of the strip longer, and that across.
+    # Rows: elongation over the radius, the bend that makes the middle of the strip longer, that across.
     stretch = np.stack([np.ones(count), np.cos(angle), np.sin(angle)])
     moduli = np.where(np.abs(angle) < 0.5 * width, modulus, 1.0) / count
     whole, ring = stretch @ stretch.T / count, (stretch * moduli) @ stretch.T

@@ -125,7 +125,7 @@ def error_over_expected(search: Search, fit: Fit | None) -> float:
 def _over_noise(search: Search, stage: Stage) -> Floats:
     """Return one over the noise of quiet stretches, less where the model is unsure, shape (samples, rows)."""
     names = channels(stage.suite)
-    row = np.array([search.weights.scale[name] for name in names])
+    row = search.weights.stds(names)
     calm: Floats = row / stage.error_std(row) / [search.evidence.floors[name] for name in names]
     return calm
 
@@ -452,7 +452,7 @@ def _exposure(search: Search, choice: ChosenEffects, index: int) -> Exposure | N
     for number, stage in enumerate(search.evidence.stages):
         if stage.session.nominal:
             continue
-        scale = np.array([search.weights.scale[name] for name in search.evidence.names[number]])
+        scale = search.weights.stds(search.evidence.names[number])
         gains = np.nansum((before[number] / scale) ** 2 - (after[number] / scale) ** 2, axis=0)
         row = int(np.argmax(gains))
         if best is None or gains[row] > best[0]:

@@ -172,7 +172,7 @@ class RegressionProblem:
     def scale(self, weights: Weights, number: int) -> Floats:
         """Give the standard deviation of each residual of a session, shape (samples, rows)."""
         stage = self.stages[number]
-        row = np.array([weights.scale[name] for name in channels(stage.suite)])
+        row = weights.stds(channels(stage.suite))
         std: Floats = np.hypot(stage.error_std(row), self._mismatch_error_std[number])
         return std
 
@@ -237,7 +237,7 @@ class RegressionProblem:
         """Shrink residuals by what the error of the model adds to their scatter."""
         shrunk = []
         for number, (stage, residual) in enumerate(zip(self.stages, residuals, strict=True)):
-            row = np.array([weights.scale[name] for name in channels(stage.suite)])
+            row = weights.stds(channels(stage.suite))
             shrunk.append(residual * row / self.scale(weights, number))
         return shrunk
 
@@ -245,7 +245,7 @@ class RegressionProblem:
         """Give the rms, over its scatter, of what everything at once leaves of some recordings."""
         shrunk = self._calmed(self._fullest(weights, residuals, nominal=nominal), weights)
         squares = [
-            (residual[~stage.session.heldout] / [weights.scale[name] for name in names]).ravel() ** 2
+            (residual[~stage.session.heldout] / weights.stds(names)).ravel() ** 2
             for stage, residual, names in zip(self.stages, shrunk, self.names, strict=True)
             if stage.session.nominal == nominal
         ]

@@ -160,7 +160,7 @@ def _questioned(search: Search) -> Iterator[tuple[int, Stage]]:
 
 def _assumed(search: Search, stage: Stage) -> Floats:
     """Return the standard deviation that the choice assumed, whatever the residual, shape (samples, rows)."""
-    return stage.error_std(np.array([search.weights.scale[name] for name in channels(stage.suite)]))
+    return stage.error_std(search.weights.stds(channels(stage.suite)))
 
 
 def _mean(parts: Sequence[Floats]) -> float:

@@ -42,7 +42,7 @@ def with_poses(evidence: RegressionProblem, weights: Weights, prior: Gaussian) -
     for stage, columns, names in zip(evidence.stages, evidence.columns, evidence.names, strict=True):
         if not stage.session.nominal:
             correction = np.asarray(columns @ moving, dtype=np.float64)
-            noise = np.array([weights.scale[name] for name in names])
+            noise = weights.stds(names)
             stage = replace(stage, observed=observed(stage, correction, noise))
         stages.append(stage)
     # What was kept is over the compliance before: that where effects see the arm counts as well now.

@@ -175,7 +175,7 @@ def plain_residuals(search: Search) -> tuple[list[RecordingResidual], list[Singl
         if session.nominal or session.heldout.all():
             continue
         residual = search.evidence.residuals[number]
-        scale = np.array([search.weights.scale[name] for name in search.evidence.names[number]])
+        scale = search.weights.stds(search.evidence.names[number])
         used = np.isfinite(residual) & ~session.heldout[:, None]
         weight = used / stage.error_std(scale)
         own = search.evidence.columns[number]

@@ -26,7 +26,7 @@ def traces_of(search: Search, before: Residuals, after: Residuals) -> tuple[Trac
     for number, stage in enumerate(search.evidence.stages):
         if stage.session.nominal:
             continue
-        scale = np.array([search.weights.scale[name] for name in channels(stage.suite)])
+        scale = search.weights.stds(channels(stage.suite))
         first = np.nansum((before[number] / scale) ** 2, axis=0)
         last = np.zeros(len(scale)) if after is before else np.nansum((after[number] / scale) ** 2, axis=0)
         ranked += [(float(gain), number, row) for row, gain in enumerate((first - last).tolist())]

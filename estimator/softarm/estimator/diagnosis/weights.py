@@ -21,6 +21,10 @@ class Weights:
     scale: Mapping[str, float]
     effective_sample_fraction: float
 
+    def stds(self, names: Sequence[str]) -> Floats:
+        """Give the standard deviation of each of some channels, shape (channels,)."""
+        return np.array([self.scale[name] for name in names])
+
     def bounded(self, reference: "Weights", factor: float) -> "Weights":
         """Keep within a factor of the noise of recordings in which nothing is missing."""
         scale = {

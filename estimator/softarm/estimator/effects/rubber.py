@@ -183,22 +183,22 @@ def local_stiffness_defect(
 ) -> tuple[Floats, Memory]:
     """Let a segment with a soft, stiff or glued strip on one side yield more or less about it and along.
 
-    A fibre of a thin ring of radius r, at the angle p from the middle of the strip, stretches by d + r (a cos p
-    + b sin p) under the elongation d, the bend a that makes the strip longer, and the bend b across. The ring
-    resists (d / r, a, b) with diag(1, 1/2, 1/2); a strip of the width w loses c times the integral over it of
-    the products of (1, cos p, sin p). The strains are those that the remaining stiffness allows the same load.
-    With the elongation free, the share D of the bending stiffness about a is lost if
+    A fibre of a thin ring of radius r, at the angle p from the middle of the strip, stretches by d + r (a cos
+    p + b sin p) under the elongation d, the bend a that makes the strip longer, and the bend b across. The
+    ring resists (d / r, a, b) with diag(1, 1/2, 1/2); a strip of the width w takes away c times the integral
+    over it of the products of (1, cos p, sin p). What is left bears the same load at other strains. Where the
+    elongation is free, the share D of the bending stiffness about a is lost for the smaller root c of
 
-        (D/2 - c I_cc) (1 - c w) = (c I_c)^2,    I_c = 2 sin(w/2),    I_cc = (w + sin w) / 2.
+        (D/2 - c J) (1 - c w) = c^2 I^2,    I = 2 sin(w/2),    J = (w + sin w) / 2.
     """
     depth, azimuth, width = theta
     radii = spot.world.radii
     bend = np.array([np.cos(azimuth), np.sin(azimuth)])
     across = np.array([-bend[1], bend[0]])
-    lost = strip_integrals(width)
-    rate = lost[1, 1] + 0.5 * depth * width
-    rest = np.sqrt(rate**2 - 2.0 * depth * (lost[1, 1] * width - lost[0, 1] ** 2))
-    yielding = np.linalg.inv(RING - depth / (rate + rest) * lost) @ RING - np.eye(3)
+    strip = strip_integrals(width)
+    linear = strip[1, 1] + 0.5 * depth * width
+    root = np.sqrt(linear**2 - 2.0 * depth * (strip[1, 1] * width - strip[0, 1] ** 2))
+    yielding = np.linalg.inv(RING - depth / (linear + root) * strip) @ RING - np.eye(3)
     strains = signals.strains
     along = np.stack([strains[..., 3] / radii, strains[..., :2] @ bend, strains[..., :2] @ across], axis=-1)
     more = along @ yielding.T
