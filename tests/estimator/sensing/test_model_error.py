@@ -12,6 +12,7 @@ from softarm.estimator.sensing import (
     SensorSuite,
     widened,
 )
+from softarm.estimator.sensing.model_error import UNPULLED_ERROR
 
 SCATTER = {
     "bend_tip": 0.02,
@@ -38,10 +39,13 @@ def test_a_section_that_nobody_pulled_is_not_known_better_than_its_readings() ->
     assert error.vented.force_ratio("intermediate") == 1.0
     assert error.pressurised.force_ratio("intermediate") == 1.5
     assert ModelError().vented.force_ratio(None) == 1.0
-    assert error.vented.relative_error("intermediate") > error.vented.relative_error("tip") == 0.0
-    known = ModelError.of({}, {"vented pulls on tip": 0.7}, {"intermediate": 0.012})
-    assert known.vented.relative_error("intermediate") == 0.012
-    assert known.vented.relative_error("tip") == 0.0
+
+
+def test_the_error_that_grows_with_a_force_is_that_of_the_condition() -> None:
+    error = ModelError.of({}, {}, {"vented pulls on tip": 0.007, "pressurised pulls on tip": 0.012})
+    assert error.vented.relative_error("tip") == 0.007
+    assert error.pressurised.relative_error("tip") == 0.012
+    assert error.vented.relative_error("intermediate") == UNPULLED_ERROR
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import numpy as np
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.fit import CalibrationFit, fit, left_out
-from softarm.estimator.calibration.force_ratio import force_ratios
+from softarm.estimator.calibration.force_accuracy import force_accuracy
 from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.identifiability import KEPT, fitted, identify, kept
 from softarm.estimator.calibration.layout import Layout, build_layout
@@ -130,8 +130,10 @@ def calibrate(
     covariance = pulled.widened(layout, final.covariance)
     scatter = scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train))
     dropped = [p for p in forward.layout.unknowns if p.name not in layout.names]
-    without_pull = left_out(replace(everything, nodes=tuple(map(by_pull, nodes))), final)
-    ratios = force_ratios(layout.setting(final.values), without_pull, nodes, scatter)
+    pulls = replace(everything, nodes=tuple(map(by_pull, nodes)))
+    accuracy = force_accuracy(layout.setting(final.values), left_out(pulls, final), pulls.nodes, scatter)
+    vented_pulls = pulled.force_accuracy(scatter)
+    errors = {**accuracy.errors, **vented_pulls.errors}
     return Calibrated(
         identified=(
             *map(fitted, identify(_known_of(known_before, layout), final.values, covariance)),
@@ -145,8 +147,8 @@ def calibrate(
         nodes=sum(len(run_nodes.time) for run_nodes in nodes),
         recordings=tuple(run.name for run in runs),
         scatter=scatter,
-        force_ratio=ratios | pulled.force_ratios(scatter),
-        force_error=pulled.unpulled_errors(scatter),
+        force_ratio={**accuracy.ratios, **vented_pulls.ratios},
+        force_error=errors | pulled.unpulled_errors(errors, scatter),
     )
 
 

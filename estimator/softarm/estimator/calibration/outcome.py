@@ -52,8 +52,8 @@ class Calibrated:
         scatter: Root mean square of measured minus predicted, by sensor and quantity [m or rad], where no fit
             had seen it.
         force_ratio: Error over deviation of the forces that follow from the readings at known pulls, each
-            pull by the fit to all others; by condition.
-        force_error: Relative error of forces on sections that nobody pulled, by what the moduli may be off.
+            pull by the fit to all others, beside what grows with the pull; by condition and section.
+        force_error: Relative error of forces, likewise.
     """
 
     identified: tuple[Identified, ...]

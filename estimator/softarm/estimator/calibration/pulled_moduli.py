@@ -12,7 +12,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.fit import CalibrationFit, fit, left_out
-from softarm.estimator.calibration.force_ratio import force_ratios
+from softarm.estimator.calibration.force_accuracy import ForceAccuracy, force_accuracy
 from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.layout import Layout
 from softarm.estimator.calibration.nodes import Nodes
@@ -56,17 +56,17 @@ class PulledModuli:
         pulled = np.array([name in self.spreads for name in layout.names])
         return np.where(pulled, layout.means, values)
 
-    def force_ratios(self, scatter: Mapping[str, float]) -> dict[str, float]:
-        """Judge the forces that are estimated at each pull by the fit to all others; see ``force_ratios``."""
+    def force_accuracy(self, scatter: Mapping[str, float]) -> ForceAccuracy:
+        """Judge the forces that are estimated at each pull by the fit to all others."""
         if self.fitted is None:
-            return {}
+            return ForceAccuracy({}, {})
         forward, solution = self.fitted
         unseen = left_out(forward, solution)
-        return force_ratios(forward.layout.setting(solution.values), unseen, forward.nodes, scatter)
+        return force_accuracy(forward.layout.setting(solution.values), unseen, forward.nodes, scatter)
 
-    def unpulled_errors(self, scatter: Mapping[str, float]) -> dict[str, float]:
+    def unpulled_errors(self, errors: Mapping[str, float], scatter: Mapping[str, float]) -> dict[str, float]:
         """Return the relative error of forces on sections that nobody pulled; see ``unpulled_errors``."""
-        return {} if self.fitted is None else unpulled_errors(*self.fitted, scatter)
+        return {} if self.fitted is None else unpulled_errors(*self.fitted, errors, scatter)
 
     def widened(self, layout: Layout, covariance: Floats) -> Floats:
         """Return a covariance in which the moduli are no better known than from the pulls."""

@@ -1,4 +1,4 @@
-"""How far forces err on sections that no gauge pulled, by what the moduli may be off.
+"""How far forces err on sections that no gauge pulled, beside where one did, by what the moduli may be off.
 
 A force f on such a section moves the readings by J f. Moduli that are off by d change that by D d, which an
 estimate takes for the force (J' C^-1 J)^-1 J' C^-1 D d, with C the noise of the sensors and the model.
@@ -15,23 +15,24 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.fit import CalibrationFit, fit
-from softarm.estimator.calibration.force_ratio import LATERAL
+from softarm.estimator.calibration.force_accuracy import LATERAL
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import MODULUS_SPREAD
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.unknowns import Modulus
-from softarm.estimator.sensing.model_error import ModelError, widened
+from softarm.estimator.sensing.model_error import ON, ModelError, widened
 
 
 def unpulled_errors(
-    forward: Forward, solution: CalibrationFit, scatter: Mapping[str, float]
+    forward: Forward, solution: CalibrationFit, errors: Mapping[str, float], scatter: Mapping[str, float]
 ) -> dict[str, float]:
-    """Return the relative standard deviation of a lateral force on each section that nobody pulled.
+    """Return the relative deviation of a lateral force on each section that nobody pulled, by condition.
 
     Args:
         forward: Model and unknowns of the fit to the pulls, and the pulls.
         solution: That fit.
+        errors: Relative error of forces by condition and section that was pulled.
         scatter: About its predictions, by sensor, quantity and condition [m or rad].
     """
     sizes = np.max([np.abs(nodes.loads).max(axis=0) for nodes in forward.nodes], axis=0)
@@ -41,7 +42,7 @@ def unpulled_errors(
     solution = fit(forward, start, iterations=1, evaluations=solution.evaluations, scatter=solution.scatter)
     moduli = forward.layout.of(Modulus)
     covariance = solution.covariance[np.ix_(moduli, moduli)]
-    errors = {}
+    unpulled: dict[str, float] = {}
     for first in range(0, len(sizes), 3):
         if sizes[first : first + 3].max() > LEAST_PULL:
             continue
@@ -51,8 +52,11 @@ def unpulled_errors(
         if np.isfinite(moved).all():
             variance = np.einsum("ka,ab,kb->k", moved, covariance, moved).mean()
             section = forward.nodes[0].run.load_names[first].rpartition("_")[0]
-            errors[section] = float(np.sqrt(variance) / sizes.max())
-    return errors
+            for name, error in errors.items():
+                where = f"{name.partition(ON)[0]}{ON}{section}"
+                here = float(np.hypot(np.sqrt(variance) / sizes.max(), error))
+                unpulled[where] = max(here, unpulled.get(where, 0.0))
+    return unpulled
 
 
 def _section_moduli(forward: Forward) -> tuple[Modulus, ...]:

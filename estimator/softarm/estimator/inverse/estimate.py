@@ -36,7 +36,7 @@ class ArmEstimate(Minimum[State]):
         residuals: Measured minus estimated by sensor, NaN where absent.
         force_ratios: Factors on the deviations of the loads beside what the rows' noise makes of them, shape
             (loads,).
-        relative_errors: Of the loads, beside that deviation, shape (loads,).
+        relative_variances: Of the loads beside that, by the square of each load, shape (loads, loads).
     """
 
     unknowns: Unknowns
@@ -45,7 +45,7 @@ class ArmEstimate(Minimum[State]):
     limits: InputBounds
     residuals: Mapping[str, Floats]
     force_ratios: Floats | float = 1.0
-    relative_errors: Floats | float = 0.0
+    relative_variances: Floats | float = 0.0
 
     @property
     def converged(self) -> bool:
@@ -67,8 +67,9 @@ class ArmEstimate(Minimum[State]):
         chambers = self.unknowns.chambers
         ratios = np.multiply.outer(self.force_ratios, self.force_ratios)
         covariance: Floats = ratios * self.covariance[chambers:, chambers:]
-        # On the diagonal alone: these errors are taken as independent.
-        covariance.reshape(-1)[:: len(covariance) + 1] += (self.relative_errors * self.inputs.loads) ** 2
+        # On the diagonal alone: a relative error points in any direction.
+        grown = np.dot(self.relative_variances, self.inputs.loads**2)
+        covariance.reshape(-1)[:: len(covariance) + 1] += grown
         return covariance
 
     @cached_property
@@ -187,7 +188,7 @@ class Problem:
         limits: Bounds and held inputs.
         gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
         force_ratios: See ``ArmEstimate``.
-        relative_errors: Likewise.
+        relative_variances: Likewise.
     """
 
     unknowns: Unknowns
@@ -196,7 +197,7 @@ class Problem:
     limits: InputBounds
     gravity: Floats
     force_ratios: Floats | float = 1.0
-    relative_errors: Floats | float = 0.0
+    relative_variances: Floats | float = 0.0
 
     def solve(
         self,
@@ -222,7 +223,7 @@ class Problem:
             limits=self.limits,
             residuals={name: residual[rows] for name, rows in self.suite.slices.items()},
             force_ratios=self.force_ratios,
-            relative_errors=self.relative_errors,
+            relative_variances=self.relative_variances,
         )
 
     def prepared(self, model: ArmModel[State, Step], estimate: ArmEstimate[State]) -> Linearised[State]:

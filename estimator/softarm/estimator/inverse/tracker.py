@@ -13,7 +13,7 @@ from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Linearised, Tolerances
 from softarm.estimator.inverse.objectives import PressureReadings, Prior, SensorObjective
 from softarm.estimator.inverse.unknowns import Unknowns
-from softarm.estimator.model import ArmModel, Inputs, Linearisation
+from softarm.estimator.model import ArmModel, Inputs, Linearisation, Load
 from softarm.estimator.sensing import ActuationMap, ModelError, SensorSuite, widened
 from softarm.estimator.sensing.model_error import Condition
 from softarm.estimator.small_matrices import invert
@@ -94,20 +94,24 @@ class _Accuracy:
     Args:
         suite: The sensors, as noisy as they and the model are together.
         force_ratios: Error over deviation of the estimated force of each load, shape (loads,).
-        relative_errors: Relative error of each force beside it, shape (loads,).
+        relative_variances: Variance of each load beside that, over the square of each load of its kind on its
+            section: an error that grows with a force points in any direction; shape (loads, loads).
     """
 
     suite: SensorSuite
     force_ratios: Floats
-    relative_errors: Floats
+    relative_variances: Floats
 
     @classmethod
-    def of(cls, condition: Condition, suite: SensorSuite, sections: Sequence[str | None]) -> "_Accuracy":
-        """Look up what holds for loads on these sections."""
+    def of(cls, condition: Condition, suite: SensorSuite, loads: Sequence[Load]) -> "_Accuracy":
+        """Look up what holds for loads on their sections."""
+        places = [(load.section, load.kind) for load in loads]
+        together = np.array([[place == other for other in places] for place in places], dtype=np.float64)
+        errors = np.array([condition.relative_error(load.section) for load in loads])
         return cls(
             widened(suite, condition.scatter),
-            np.array([condition.force_ratio(section) for section in sections]),
-            np.array([condition.relative_error(section) for section in sections]),
+            np.array([condition.force_ratio(load.section) for load in loads]),
+            errors[:, None] ** 2 * together.reshape(len(loads), len(loads)),
         )
 
 
@@ -135,9 +139,8 @@ class Estimator(Generic[State, Step]):
         self._guide = guide
         self._retries = RETRIES if guide is None else 0
         self._model = model
-        sections = [load.section for load in model.loads]
         # Once and for all, so that no suite is built at an instant.
-        self._conditions = {c: _Accuracy.of(c, suite, sections) for c in settings.model_error.conditions}
+        self._conditions = {c: _Accuracy.of(c, suite, model.loads) for c in settings.model_error.conditions}
         self._settings = settings
         self._unknowns = Unknowns.of(model.chambers, model.loads)
         self._free = InputBounds.free(self._unknowns.size)
@@ -246,7 +249,7 @@ class Estimator(Generic[State, Step]):
         )
         return Problem(
             self._unknowns, accuracy.suite, objectives, limits, gravity,
-            accuracy.force_ratios, accuracy.relative_errors,
+            accuracy.force_ratios, accuracy.relative_variances,
         )  # fmt: skip
 
     def _start(self, problem: Problem, guess: Inputs) -> tuple[State, Inputs]:

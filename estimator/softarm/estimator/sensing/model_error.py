@@ -20,7 +20,7 @@ PRESSURISED_PULLS = "pressurised pulls"
 ON = " on "
 """Between condition and section in the force ratios of a calibration, as in ``vented pulls on tip``."""
 UNPULLED_ERROR = 0.05
-"""Relative error of a force on a section that no calibration pulled and of which none states the error.
+"""Relative error of a force on a section of which no calibration states the error.
 
 A calibration by pulls at the tip takes shear for bending; half way up that is wrong. Of the deflection of an
 incompressible round cantilever of diameter d and length L, 0.625 (d / L)^2 is shear (S. P. Timoshenko, Phil.
@@ -38,7 +38,7 @@ class Condition:
         force_ratios: By section, root mean square of the error of an estimated force over the deviation that
             follows from the scatter: readings that err together, as a model's errors make them, do not err
             independently.
-        relative_errors: Of forces, by section that nobody pulled.
+        relative_errors: Of forces, by section, beside that.
     """
 
     scatter: Mapping[str, float] = field(default_factory=dict)
@@ -46,13 +46,11 @@ class Condition:
     relative_errors: Mapping[str, float] = field(default_factory=dict)
 
     def force_ratio(self, section: str | None) -> float:
-        """Return the ratio on a section; the largest known, and no less than 1, where nobody has pulled."""
+        """Return the ratio on a section; the largest known, and no less than 1, where none is."""
         return self.force_ratios.get(section or "", max((1.0, *self.force_ratios.values())))
 
     def relative_error(self, section: str | None) -> float:
-        """Return the relative error of a force on a section: none beside the scatter where it was pulled."""
-        if section in self.force_ratios:
-            return 0.0
+        """Return the relative error of a force on a section."""
         return self.relative_errors.get(section or "", UNPULLED_ERROR)
 
 
@@ -82,16 +80,18 @@ class ModelError:
         Args:
             scatter: By sensor, quantity and condition [m or rad].
             force_ratio: By condition and section, such as ``vented pulls on tip``.
-            force_error: Relative error of forces, by section that nobody pulled.
+            force_error: Relative error of forces, likewise.
         """
         plain = {name: value for name, value in scatter.items() if ", " not in name}
+
+        def on(condition: str, by_name: Mapping[str, float] | None) -> dict[str, float]:
+            start = f"{condition}{ON}"
+            return {n.removeprefix(start): v for n, v in (by_name or {}).items() if n.startswith(start)}
 
         def under(condition: str) -> Condition:
             ending = f", {condition}"
             pulled = {n.removesuffix(ending): value for n, value in scatter.items() if n.endswith(ending)}
-            start = f"{condition}{ON}"
-            ratios = {n.removeprefix(start): v for n, v in (force_ratio or {}).items() if n.startswith(start)}
-            return Condition(plain | pulled, ratios, force_error or {})
+            return Condition(plain | pulled, on(condition, force_ratio), on(condition, force_error))
 
         return cls(under(VENTED_PULLS), under(PRESSURISED_PULLS))
 

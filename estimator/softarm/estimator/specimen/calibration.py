@@ -83,8 +83,8 @@ class Calibration(Entry):
     """Scatter of measured minus predicted on data that no fit used, by sensor and quantity [m, rad]."""
     force_ratio: dict[str, float] = Field(default_factory=dict)
     """Error over deviation of forces at known pulls that no fit used, by condition and section [-]."""
-    force_error: dict[Name, float] = Field(default_factory=dict)
-    """Relative error of forces on sections that no gauge pulled, by what the moduli may be off [-]."""
+    force_error: dict[str, float] = Field(default_factory=dict)
+    """Relative error of forces, beside that deviation, by condition and section [-]."""
     modulus_scale: dict[Name, Value] = Field(default_factory=dict)
     """Factor on the stiffness of each segment or section, by its name [-]."""
     fibre_scale: Value = UNIT
