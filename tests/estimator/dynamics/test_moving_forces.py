@@ -28,19 +28,33 @@ AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}
 LOADS = tuple(Load(f"tip_{name}", "force", axis, section="tip") for name, axis in AXES.items())
 
 
-def estimates(arm: ToyArm, holding: Floats) -> list[tuple[Floats, ArmEstimate[Any]]]:
-    """Return readings and estimates of an arm that stands at each instant as these forces hold it."""
+def estimates(
+    arm: ToyArm, holding: Floats, bent: float = 0.0, silent: slice = slice(0)
+) -> list[tuple[Floats, ArmEstimate[Any]]]:
+    """Return readings and estimates of an arm that stands at each instant as these forces hold it.
+
+    Args:
+        arm: The arm.
+        holding: Forces, shape (instants, loads).
+        bent: How far its middle is turned beside that [rad/N].
+        silent: Instants at which the sensor there gives no reading.
+    """
     rng = np.random.default_rng(1)
     settings = TrackerSettings(
-        LoadProcess(np.ones(len(arm.loads)), 0.0), ActuationMap(np.ones(6), np.zeros(6)), np.full(6, 65e3)
+        LoadProcess(np.ones(len(arm.loads)), 0.0),
+        ActuationMap(np.ones(6), np.zeros(6), sigma=np.full(6, 10.0)),
+        np.full(6, 65e3),
     )
     follower, found, state = Estimator(arm, SUITE, settings), [], arm.rest()
-    for time, loads in zip(TIME, holding, strict=False):
+    for number, (time, loads) in enumerate(zip(TIME, holding, strict=False)):
         inputs = Inputs(np.zeros(6), loads, GRAVITY)
         state, _ = arm.solve(inputs, state)
         frames = arm.frames(state)
-        shaken = Frames(frames.positions, frames.rotations @ exp(rng.normal(0.0, NOISE, (2, 3))))
-        readings = SUITE.predict(shaken)
+        turned = rng.normal(0.0, NOISE, (2, 3))
+        turned[0, 1] += bent * loads[0]
+        readings = SUITE.predict(Frames(frames.positions, frames.rotations @ exp(turned)))
+        if number in range(*silent.indices(len(TIME))):
+            readings[SUITE.reading_slices["middle"]] = np.nan
         found.append((readings, follower.update(float(time), readings, np.zeros(6), GRAVITY)))
     return found
 
@@ -97,6 +111,19 @@ def test_masses_and_stiffness_are_those_of_the_tip(arm: ToyArm) -> None:
     np.testing.assert_allclose(small.stiffness @ moved, [2e-4, 0.0], atol=4e-6)
     lowest = np.sqrt(np.linalg.eigvalsh(small.stiffness)[0] / 0.05)
     assert 0.95 * lowest / np.sqrt(2.0) < small.slowest < lowest
+
+
+def test_a_sensor_that_falls_silent_while_the_arm_swings_is_not_taken_for_a_push(arm: ToyArm) -> None:
+    """The arm swings in another shape than a force on the tip gives it, which then shows no longer."""
+    silent = slice(70, 73)
+
+    def forces(silent: slice) -> Floats:
+        found, followed = estimates(arm, swinging(arm), 0.2, silent), moving(arm)
+        return np.array(
+            [followed.update(t, seen, at)[0][0] for t, (seen, at) in zip(TIME.tolist(), found, strict=True)]
+        )
+
+    assert np.abs(forces(silent) - forces(slice(0)))[60:].max() < 0.01
 
 
 @pytest.mark.parametrize("why", ["pause", "moment", "unheard", "diverged"])

@@ -1,6 +1,7 @@
 """The forces on an arm that moves, from estimates that hold it for one at rest."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,7 @@ class MovingForces:
         if loads and all(load.kind == "force" and load.section is not None for load in loads):
             self._reduction = Reduction.of(loads, sections, neighbours, masses)
         self._filter: ForceFilter | None = None
-        self._time = -np.inf
+        self._time, self._misfit = -np.inf, 1.0
 
     @classmethod
     def of(
@@ -81,7 +82,14 @@ class MovingForces:
             self._filter = None
             return plain
         seconds, self._time = time - self._time, time
-        if self._filter is None or not 0.0 < seconds * arm.slowest < COARSE:
+        phase = seconds * arm.slowest
+        goes_on = self._filter is not None and 0.0 < phase < COARSE
+        # No force at rest bends the arm as its inertia does: what its readings leave to no pose is noise of
+        # the forces. It counts for a period, since sensors that fall silent no longer show it.
+        past = self._misfit * np.exp(-phase / (2.0 * np.pi)) if goes_on else 1.0
+        self._misfit = max(1.0, arm.misfit, past)
+        arm = replace(arm, noise=self._misfit * arm.noise)
+        if self._filter is None or not goes_on:
             self._filter = ForceFilter.begin(arm)
             return plain
         self._filter = self._filter.at(arm, seconds)

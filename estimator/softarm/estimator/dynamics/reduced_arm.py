@@ -33,6 +33,7 @@ class ReducedArm:
         unloaded: The same at rest without these forces [m], shape (forces,).
         forces: Those that would hold the arm in this pose at rest [N], shape (forces,).
         noise: Covariance of the sensors' noise in them [N2], shape (forces, forces).
+        misfit: Weighted squares of the readings' residuals by that noise, over the degrees of freedom.
         slowest: Lowest natural angular frequency or a little less [rad/s] (Dunkerley, Phil. Trans. A 185,
             1894).
     """
@@ -43,6 +44,7 @@ class ReducedArm:
     unloaded: Floats
     forces: Floats
     noise: Floats
+    misfit: float
     slowest: float
 
 
@@ -99,8 +101,9 @@ class Reduction:
         )  # fmt: skip
         if slowest < 0.0:
             return None
-        _carry(estimate.covariance, seen.weighted, own_noise, seen.members, noise)
-        return ReducedArm(stiffness, mass, displacement, unloaded, forces, noise, slowest)
+        squares = _carry(estimate.covariance, seen.weighted, own_noise, seen.members, seen.innovation, noise)
+        misfit = squares / max(len(seen.members) - count, 1)
+        return ReducedArm(stiffness, mass, displacement, unloaded, forces, noise, misfit, slowest)
 
 
 @njit(cache=True, nogil=True)
@@ -153,7 +156,14 @@ def _reduce(
 
 
 @njit(cache=True, nogil=True)
-def _carry(covariance: Floats, weighted: Floats, own_noise: Floats, members: Indices, noise: Floats) -> None:
+def _carry(
+    covariance: Floats,
+    weighted: Floats,
+    own_noise: Floats,
+    members: Indices,
+    residuals: Floats,
+    noise: Floats,
+) -> float:
     """Fill the covariance that the sensors' own noise makes in the loads, through the estimate.
 
     Args:
@@ -161,7 +171,11 @@ def _carry(covariance: Floats, weighted: Floats, own_noise: Floats, members: Ind
         weighted: J^T R^-1 of the sensors' rows, shape (inputs, rows).
         own_noise: Shape (all rows, all rows).
         members: Rows that are present, shape (rows,).
+        residuals: Measured minus estimated of these rows, shape (rows,).
         noise: Filled, shape (forces, forces); the forces are the last inputs.
+
+    Returns:
+        The residuals' squares, weighted by the noise.
     """
     count, rows = len(noise), len(members)
     gain, present = np.empty((count, rows)), np.empty((rows, rows))
@@ -171,3 +185,9 @@ def _carry(covariance: Floats, weighted: Floats, own_noise: Floats, members: Ind
             present[r, c] = own_noise[members[r], members[c]]
     noise.fill(0.0)
     add_congruence(1.0, gain, present, noise)
+    precision, squares = np.empty((rows, rows)), 0.0
+    invert(present, precision)
+    for r in range(rows):
+        for c in range(rows):
+            squares += residuals[r] * precision[r, c] * residuals[c]
+    return squares
