@@ -115,6 +115,7 @@ def test_nothing_is_told_without_pulls_or_readings() -> None:
     nothing = ForceAccuracy({}, {})
     assert accuracy(noise(), pulls_on(1, (0.0, 0.0, 0.0))) == nothing
     assert accuracy(np.full((NODES, 6), np.nan), pulls_on(1, (0.3, 0.0, 0.0))) == nothing
+    assert accuracy(noise(), pulls_on(1, (0.0, 0.0, 0.3))) == nothing
 
 
 def test_one_node_does_not_tell_noise_from_what_grows_with_the_pull() -> None:

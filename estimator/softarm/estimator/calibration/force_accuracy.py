@@ -159,7 +159,7 @@ def _ratio(pulls: Sequence[_Pull], section: str) -> float:
 
 
 def _pull(setting: Setting, at: NodePredictions, run_nodes: Nodes, condition: Condition) -> list[_Pull]:
-    """Return one pull, without the nodes whose readings do not show it; none where none does."""
+    """Return one pull, without the nodes at which no reading shows it or only the axis is pulled; or none."""
     suite = widened(setting.aligned(run_nodes.run.suite), condition.scatter)
     twists = np.nan_to_num(suite.sensitivity(at.frames, run_nodes.readings).twists)
     to_pressures, to_loads = twists @ at.response.pressure_jacobian, twists @ at.response.load_jacobian
@@ -182,6 +182,7 @@ def _pull(setting: Setting, at: NodePredictions, run_nodes: Nodes, condition: Co
     matched = np.swapaxes(rows, 1, 2) @ weighed
     there = slice(first, axial)
     shown = np.linalg.matrix_rank(matched[:, there, there]) == LATERAL
+    shown &= np.linalg.norm(pulled[:, there], axis=1) > LEAST_PULL
     if not shown.any():
         return []
     x, y = pulled[shown, first], pulled[shown, first + 1]
