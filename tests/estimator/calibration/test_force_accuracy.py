@@ -43,7 +43,7 @@ def accuracy(
     readings = np.tile([1.0, 0.0, 0.0, 0.0], (count, 2))
     run = CalibrationRun("run", time, pressures, ("measured",) * 2, SUITE, readings, pulls, NAMES)
     weights = np.ones(count) if weights is None else weights
-    blocks = np.zeros(count, dtype=np.int64) if blocks is None else blocks
+    blocks = np.arange(count) // 8 if blocks is None else blocks
     nodes = Nodes(run, time, pressures, readings, pulls, weights, blocks)
     at = NodePredictions(innovation, np.zeros((count, 6, 0)), np.zeros((count, 6, 6)), response)
     setting = Setting({}, ActuationMap(np.ones(2), np.zeros(2)))
@@ -83,8 +83,7 @@ def test_an_error_that_grows_with_the_pull_does_not_count_at_small_ones(share: t
     grown = along * pulls[:, 3:5] + across * np.column_stack([-pulls[:, 4], pulls[:, 3]])
     found = accuracy(noise() + grown @ TO_FORCES[ROTATIONS, 3:5].T, pulls)
     assert found.ratios[TIP] == pytest.approx(1.0, abs=0.1)
-    # Of one pull two components are known, each 0.02 / sqrt(2) on average.
-    assert found.errors[TIP] == pytest.approx(0.02 / np.sqrt(2.0) * 0.5 * stdtrit(2, ndtr(2.0)), rel=0.1)
+    assert found.errors[TIP] == pytest.approx(0.02 / np.sqrt(2.0), rel=0.1)  # of each of two components
 
 
 def test_the_fewer_the_pulls_the_less_certain_is_by_what_they_differ() -> None:
@@ -97,6 +96,10 @@ def test_the_fewer_the_pulls_the_less_certain_is_by_what_they_differ() -> None:
         found = accuracy(grown @ TO_FORCES[ROTATIONS, 3:5].T, pulls, blocks=blocks)
         inside += (np.abs(share[3]) < 2.0 * found.errors[TIP]).tolist()
     assert np.mean(inside) == pytest.approx(0.9545, abs=0.02)
+    few, many = (
+        accuracy(noise(), pulls_on(1, (1.0, 0.0, 0.0)), blocks=np.arange(NODES) // n) for n in (200, 4)
+    )
+    assert few.ratios[TIP] == pytest.approx(0.5 * stdtrit(4, ndtr(2.0)) * many.ratios[TIP], rel=0.1)
 
 
 def test_readings_that_err_together_like_a_force_give_more() -> None:

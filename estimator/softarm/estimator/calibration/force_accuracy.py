@@ -8,7 +8,8 @@ J_p, of the pressures.
 Part of it grows with the pull. Rubber remembers, and its stiffness depends on the direction, so that the
 stiffness that fits all other pulls is wrong by another share in each: e = S f + rest, with S a share along
 the pull and one across it, by least squares over the nodes of one pull. The rest has the covariance A^-1
-where r is as C says: then e' A e is 1 a component on average.
+where r is as C says: then e' A e is 1 a component on average. What rubber remembers is in all nodes of a
+pull, so that pulls, not nodes, are the samples that show either, and few of them show it by Student's t.
 
 Where nobody pulled, the rest of r at pulls on other sections is taken for a force.
 """
@@ -42,10 +43,11 @@ PULLED = 3  # components of a pull that are known
 class ForceAccuracy:
     """How far estimated forces err, each by condition and section, such as ``vented pulls on tip``.
 
+    Twice either holds 95 % of the errors, as twice a standard deviation does.
+
     Args:
-        ratios: Root mean square of the error that does not grow with the force, over its deviation.
-        errors: Relative error of a force on a section that was pulled. Twice that holds 95 % of the errors,
-            as twice a standard deviation does: how far few pulls differ follows Student's t.
+        ratios: Error that does not grow with the force, over its deviation.
+        errors: Relative error of a force on a section that was pulled.
     """
 
     ratios: Mapping[str, float]
@@ -142,12 +144,16 @@ def force_accuracy(
 def _relative_error(pulls: Sequence[_Pull]) -> float:
     shares = [pull.shares for pull in pulls]
     square = sum(float(share @ normal @ share) for share, normal in shares)
-    mean = square / sum(float(np.trace(normal)) for _, normal in shares)
-    return float(np.sqrt(mean) * stdtrit(LATERAL * len(pulls), ndtr(2.0)) / 2.0)
+    return _widened(square / sum(float(np.trace(normal)) for _, normal in shares), pulls)
+
+
+def _widened(mean_square: float, pulls: Sequence[_Pull]) -> float:
+    """Return the root mean square over pulls, of which each has two components, by Student's t."""
+    return float(np.sqrt(mean_square) * stdtrit(LATERAL * len(pulls), ndtr(2.0)) / 2.0)
 
 
 def _ratio(pulls: Sequence[_Pull], section: str) -> float:
-    """Return the root mean square; NaN where no nodes are left beside the shares that were fitted."""
+    """Return the ratio; NaN where no nodes are left beside the shares that were fitted."""
     squares = np.concatenate([pull.squares(section) for pull in pulls])
     weights = np.concatenate([pull.weights for pull in pulls])
     shown = np.isfinite(squares)
@@ -155,7 +161,7 @@ def _ratio(pulls: Sequence[_Pull], section: str) -> float:
     if free <= 0:
         return float("nan")
     mean = float(np.average(squares[shown], weights=weights[shown])) / LATERAL
-    return float(np.sqrt(mean * shown.sum() / free))
+    return _widened(mean * shown.sum() / free, pulls)
 
 
 def _pull(setting: Setting, at: NodePredictions, run_nodes: Nodes, condition: Condition) -> list[_Pull]:
