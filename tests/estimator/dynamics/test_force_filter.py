@@ -22,6 +22,7 @@ def seen(place: float, noise: float, unloaded: float = 0.0) -> ReducedArm:
         np.array([unloaded]),
         np.array([force]),
         np.array([[NOISE**2]]),
+        np.arange(1),
         1.0,
         float(np.sqrt(STIFFNESS / MASS)),
     )

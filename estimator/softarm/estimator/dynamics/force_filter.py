@@ -7,7 +7,7 @@ well they predict the measurements (the interacting multiple model of H. A. P. B
 Trans. Autom. Control 33, 1988).
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numba import njit
@@ -60,6 +60,13 @@ class ForceFilter:
         covariance[:count, :count] = compliance @ arm.noise @ compliance
         weights = np.full(filters, 1.0 / filters)
         return cls(np.tile(mean, (filters, 1)), np.tile(covariance, (filters, 1, 1)), weights, arm.unloaded)
+
+    def shifted(self, arm: ReducedArm, misfit: float) -> "ForceFilter":
+        """Return the same, but where the arm is found by other readings is as uncertain as their misfit."""
+        count, compliance = len(arm.forces), np.linalg.inv(arm.stiffness)
+        covariance = self.covariance.copy()
+        covariance[:, :count, :count] += misfit * compliance @ arm.noise @ compliance
+        return replace(self, covariance=covariance)
 
     def at(self, arm: ReducedArm, seconds: float) -> "ForceFilter":
         """Return what is known at the next instant, ``seconds`` later."""

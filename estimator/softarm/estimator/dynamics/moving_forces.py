@@ -1,14 +1,13 @@
 """The forces on an arm that moves, from estimates that hold it for one at rest."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.dynamics.force_filter import ForceFilter
-from softarm.estimator.dynamics.reduced_arm import Reduction
+from softarm.estimator.dynamics.reduced_arm import ReducedArm, Reduction
 from softarm.estimator.inverse import ArmEstimate
 from softarm.estimator.model import Load
 from softarm.estimator.sensing import SensorSuite
@@ -47,7 +46,8 @@ class MovingForces:
         if loads and all(load.kind == "force" and load.section is not None for load in loads):
             self._reduction = Reduction.of(loads, sections, neighbours, masses)
         self._filter: ForceFilter | None = None
-        self._time, self._misfit = -np.inf, 1.0
+        self._time = -np.inf
+        self._last: ReducedArm | None = None
 
     @classmethod
     def of(
@@ -82,16 +82,13 @@ class MovingForces:
             self._filter = None
             return plain
         seconds, self._time = time - self._time, time
-        phase = seconds * arm.slowest
-        goes_on = self._filter is not None and 0.0 < phase < COARSE
-        # No force at rest bends the arm as its inertia does: what its readings leave to no pose is noise of
-        # the forces. It counts for a period, since sensors that fall silent no longer show it.
-        past = self._misfit * np.exp(-phase / (2.0 * np.pi)) if goes_on else 1.0
-        self._misfit = max(1.0, arm.misfit, past)
-        arm = replace(arm, noise=self._misfit * arm.noise)
-        if self._filter is None or not goes_on:
+        last, self._last = self._last, arm
+        if self._filter is None or last is None or not 0.0 < seconds * arm.slowest < COARSE:
             self._filter = ForceFilter.begin(arm)
             return plain
+        if not np.array_equal(arm.members, last.members):
+            # No force at rest bends the arm as its inertia does, so that other readings find it elsewhere.
+            self._filter = self._filter.shifted(arm, max(1.0, arm.misfit, last.misfit))
         self._filter = self._filter.at(arm, seconds)
         forces, covariance = self._filter.forces
         return forces, plain[1] + covariance

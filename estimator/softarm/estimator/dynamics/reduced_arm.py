@@ -33,7 +33,8 @@ class ReducedArm:
         unloaded: The same at rest without these forces [m], shape (forces,).
         forces: Those that would hold the arm in this pose at rest [N], shape (forces,).
         noise: Covariance of the sensors' noise in them [N2], shape (forces, forces).
-        misfit: Weighted squares of the readings' residuals by that noise, over the degrees of freedom.
+        members: Rows of the readings that are present, shape (rows,).
+        misfit: Squares of their residuals over their noise, over the degrees of freedom.
         slowest: Lowest natural angular frequency or a little less [rad/s] (Dunkerley, Phil. Trans. A 185,
             1894).
     """
@@ -44,6 +45,7 @@ class ReducedArm:
     unloaded: Floats
     forces: Floats
     noise: Floats
+    members: Indices
     misfit: float
     slowest: float
 
@@ -103,7 +105,9 @@ class Reduction:
             return None
         squares = _carry(estimate.covariance, seen.weighted, own_noise, seen.members, seen.innovation, noise)
         misfit = squares / max(len(seen.members) - count, 1)
-        return ReducedArm(stiffness, mass, displacement, unloaded, forces, noise, misfit, slowest)
+        return ReducedArm(
+            stiffness, mass, displacement, unloaded, forces, noise, seen.members, misfit, slowest
+        )
 
 
 @njit(cache=True, nogil=True)
