@@ -5,9 +5,9 @@ segment's own bend or of a chamber's pressure, alike for all directions and cham
 alike, a Gaussian process of all pressures and bends, as they are and as they fade, and of the clock, in its
 largest components at some of the states (Williams and Seeger, Advances in Neural Information Processing
 Systems 13 (2001) 682). The likeliest law competes with the effects that were accepted, and with both acting
-together, by what each predicts of recordings that it was not fitted to. Where it is credible that the law
-acts alone, what was left out is not in the library, and the nearest name would be wrong. A name is right only
-if the library contains what acts: its probability is that of its rivals in the library times that no law
+together, by what each predicts of recordings that it was not fitted to. Where the law alone is more probable
+than all else, what was left out is not in the library, and the nearest name would be wrong. A name is right
+only if the library contains what acts: its probability is that of its rivals in the library times that no law
 without a name acts instead (Bernardo and Smith, Bayesian Theory (1994), section 6.1, on sets of models that
 may be incomplete).
 
@@ -32,7 +32,7 @@ from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
 from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN
 from softarm.estimator.diagnosis.nominal import background_of, changed_prior, predictive
 from softarm.estimator.diagnosis.normal_equations import NewColumns, Total, added
-from softarm.estimator.diagnosis.probability import CREDIBLE, density, pseudo_bma
+from softarm.estimator.diagnosis.probability import density, pseudo_bma
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import describe
 from softarm.estimator.simulation.filters import first_order
@@ -126,8 +126,8 @@ class UnnamedLaw:
 
     @property
     def outdoes(self) -> bool:
-        """Whether it is credible that the law acts alone."""
-        return self.probability >= CREDIBLE and self.gain > CERTAIN
+        """Whether the law alone is more probable than names, both together and nothing."""
+        return self.probability > 0.5 and self.gain > CERTAIN
 
     def sentence(self) -> str:
         """Say how far the known effects fall short of it."""
