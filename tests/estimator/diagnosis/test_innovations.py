@@ -9,6 +9,7 @@ import pytest
 from softarm.estimator.diagnosis.innovations import channel_errors, innovation_test, worst_stretch
 from softarm.estimator.diagnosis.line import line_errors
 from softarm.estimator.diagnosis.session import channels
+from softarm.estimator.diagnosis.weights import Weights
 from tests.estimator.diagnosis.linear_arm import session
 
 ASSUMED = 0.01
@@ -23,7 +24,7 @@ def search():
     stages = [stage(one, np.zeros((one.samples, 4))) for one in (known, asked)]
     assert channels(asked.suite) == BENDS
     return SimpleNamespace(
-        evidence=SimpleNamespace(stages=stages), weights=SimpleNamespace(scale=dict.fromkeys(BENDS, ASSUMED))
+        evidence=SimpleNamespace(stages=stages), weights=Weights(dict.fromkeys(BENDS, ASSUMED), 1.0)
     )
 
 

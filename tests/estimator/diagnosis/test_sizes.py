@@ -14,6 +14,7 @@ from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.sizes import Part, reversed_sign, robust_covariance, sized, without_fragments
+from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import world
@@ -91,7 +92,7 @@ def search() -> Search:
         columns=[stage.common[..., None].astype(np.float32) for stage in stages],
         names=[("x",)] * len(stages),
     )
-    weights = SimpleNamespace(scale={"x": NOISE}, effective_sample_fraction=0.1)
+    weights = Weights({"x": NOISE}, 0.1)
     prior = Gaussian(np.zeros(1), np.full((1, 1), 1e-3**2))
     return cast(
         "Search",
