@@ -1,4 +1,4 @@
-"""The ratio is 1 where readings err as told, and what they err together shows in it, but not what grows."""
+"""The ratio is 1 where readings err as stated; common errors raise it, unless they grow with the pull."""
 
 from dataclasses import replace
 

@@ -81,8 +81,8 @@ def test_one_table_alone_is_read_too(store):
 
 
 def test_files_in_the_checkout_are_kept_by_their_place_in_it(tmp_path, monkeypatch):
-    told = json.dumps({"title": "Forces", "rows": [], "notes": [f"Recording: {CHECKOUT}/out/force.mcap"]})
-    monkeypatch.setattr(subprocess, "run", lambda *_, **__: subprocess.CompletedProcess((), 0, told))
+    printed = json.dumps({"title": "Forces", "rows": [], "notes": [f"Recording: {CHECKOUT}/out/force.mcap"]})
+    monkeypatch.setattr(subprocess, "run", lambda *_, **__: subprocess.CompletedProcess((), 0, printed))
     run_command("demo", tmp_path)
     assert "Recording: out/force.mcap" in measured_page(tmp_path)
 

@@ -16,6 +16,7 @@ Where nobody pulled, the rest of r at pulls on other sections is taken for a for
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from scipy.special import ndtr, stdtrit
@@ -79,12 +80,12 @@ class _Pull:
         first = PULLED * self.sections.index(section)
         return slice(first, first + LATERAL)
 
-    @property
+    @cached_property
     def growth(self) -> Floats:
         """J' C^-1 J_f of what grows with the pull along and across it, shape (nodes, forces, 2)."""
         return np.asarray(self.information[:, :, self.lateral(self.section)] @ self.directions)
 
-    @property
+    @cached_property
     def shares(self) -> tuple[Floats, Floats]:
         """Relative error along and across, shape (2,), and the normal equations' matrix, shape (2, 2)."""
         there = self.lateral(self.section)

@@ -15,7 +15,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.fit import CalibrationFit, fit
-from softarm.estimator.calibration.force_accuracy import LATERAL
+from softarm.estimator.calibration.force_accuracy import LATERAL, PULLED
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import MODULUS_SPREAD
 from softarm.estimator.calibration.nodes import Nodes
@@ -43,8 +43,8 @@ def unpulled_errors(
     moduli = forward.layout.of(Modulus)
     covariance = solution.covariance[np.ix_(moduli, moduli)]
     unpulled: dict[str, float] = {}
-    for first in range(0, len(sizes), 3):
-        if sizes[first : first + 3].max() > LEAST_PULL:
+    for first in range(0, len(sizes), PULLED):
+        if sizes[first : first + PULLED].max() > LEAST_PULL:
             continue
         pulls = np.zeros((1 + LATERAL, len(sizes)))
         pulls[1:, first : first + LATERAL] = sizes.max() * np.eye(LATERAL)

@@ -22,7 +22,7 @@ class Weights:
     effective_sample_fraction: float
 
     def stds(self, names: Sequence[str]) -> Floats:
-        """Give the standard deviation of each of some channels, shape (channels,)."""
+        """Return the standard deviation of each of some channels, shape (channels,)."""
         return np.array([self.scale[name] for name in names])
 
     def bounded(self, reference: "Weights", factor: float) -> "Weights":

@@ -19,7 +19,7 @@ from softarm.estimator.inverse import ArmEstimate
 from softarm.estimator.model import Load
 from softarm.estimator.simulation.inertia import Masses, mass_kernel
 from softarm.estimator.simulation.segments import Neighbours
-from softarm.estimator.small_matrices import add_congruence, factorise, invert, product
+from softarm.estimator.small_matrices import add_congruence, factorise, invert, product, solve_factored
 
 
 @dataclass(frozen=True)
@@ -189,9 +189,9 @@ def _carry(
             present[r, c] = own_noise[members[r], members[c]]
     noise.fill(0.0)
     add_congruence(1.0, gain, present, noise)
-    precision, squares = np.empty((rows, rows)), 0.0
-    invert(present, precision)
+    lower, weighed, squares = np.empty((rows, rows)), residuals.copy(), 0.0
+    factorise(present, lower)
+    solve_factored(lower, weighed)
     for r in range(rows):
-        for c in range(rows):
-            squares += residuals[r] * precision[r, c] * residuals[c]
+        squares += residuals[r] * weighed[r]
     return squares

@@ -181,7 +181,7 @@ INERTIA_DAMPING = Effect(
 def local_stiffness_defect(
     signals: Signals, theta: Floats, spot: Spot, memory: Memory
 ) -> tuple[Floats, Memory]:
-    """Let a segment with a soft, stiff or glued strip on one side yield more or less about it and along.
+    """Compute the strains of a segment that has a strip of another stiffness on one side.
 
     A fibre of a thin ring of radius r, at the angle p from the middle of the strip, stretches by d + r (a cos
     p + b sin p) under the elongation d, the bend a that makes the strip longer, and the bend b across. The
@@ -208,6 +208,8 @@ def local_stiffness_defect(
     return strains + spot.segments[:, None] * extra, memory
 
 
+STRIP_WIDTH = 1.5
+"""Width [rad] at which a defect is tried: a quarter of the circumference."""
 RING = np.diag([1.0, 0.5, 0.5])
 """Stiffness of a thin ring against elongation over its radius and both bends, over the axial one."""
 
@@ -233,7 +235,7 @@ LOCAL_STIFFNESS_DEFECT = Effect(
         ParameterSpec(
             "azimuth", "rad", 0.5, -2.0 * np.pi, 2.0 * np.pi, "shape", "linear", spread=1.8, periodic=True
         ),
-        ParameterSpec("width", "rad", 1.5, 0.2, np.pi, "shape", "log", spread=0.5),
+        ParameterSpec("width", "rad", STRIP_WIDTH, 0.2, np.pi, "shape", "log", spread=0.5),
     ),
     places=segments,
     act=local_stiffness_defect,
@@ -247,7 +249,7 @@ LOCAL_STIFFNESS_DEFECT = Effect(
         ("contact_obstacle", "mount turned by 90 degrees"),
     ),
     when="pose",
-    shapes=tuple((float(angle), 1.5) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
+    shapes=tuple((float(angle), STRIP_WIDTH) for angle in np.radians(np.arange(-150.0, 181.0, 60.0))),
     modal=local_stiffness_defect_modal,
 )
 
