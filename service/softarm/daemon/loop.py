@@ -82,6 +82,7 @@ class ControlLoop:
             tuple(section.name for section in specimen.sections),
             default_loads(specimen, config.control.forces_on),
             self.readings.rest,
+            self._clocks.monotonic_ns,
         )
         health = HealthMonitor(ALL_CHECKS)
         publisher = Publisher(

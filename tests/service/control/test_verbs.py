@@ -63,9 +63,9 @@ def hold_answer(pressure=20e3):
     return HoldAnswer(np.full(6, pressure), reachable=True, note="")
 
 
-def result(hold=None, loads=(0.0, 0.0, 0.0, 0.0)):
+def result(hold=None, loads=(0.0, 0.0, 0.0, 0.0), time_s=0.0):
     return EstimationResult(
-        request=EstimationRequest(0.0, 0, np.zeros(0), np.zeros(6), np.zeros(3)),
+        request=EstimationRequest(time_s, 0, np.zeros(0), np.zeros(6), np.zeros(3)),
         converged=True,
         loads=np.array(loads),
         load_covariance=1e-4 * np.eye(4),
@@ -81,8 +81,7 @@ def result(hold=None, loads=(0.0, 0.0, 0.0, 0.0)):
 def failed(time_s):
     """A search for the hold that did not converge."""
     unknown = HoldAnswer(np.zeros(6), reachable=False, note="nothing is known", known=False)
-    found = result(unknown)
-    return replace(found, converged=False, request=replace(found.request, time_s=time_s))
+    return replace(result(unknown, time_s=time_s), converged=False)
 
 
 class Bench:
@@ -96,7 +95,7 @@ class Bench:
             self.valves, np.full(6, LIMIT), ControlSettings(), SafetySettings(lease_s=1.0)
         )
         sections = ("base", "intermediate", "tip")
-        self.estimator_state = EstimatorState(sections, LOADS, lambda _: ("imu",))
+        self.estimator_state = EstimatorState(sections, LOADS, lambda _: ("imu",), lambda: self.now_ns)
         self.estimator_state.update(result(hold_answer()), 0)
         self.faults = ()
         context = CommandContext(
@@ -256,6 +255,7 @@ async def test_teach_hold_ramps_without_a_bump_then_saves_and_returns(bench):
         seen.append(bench.valves.pressures[0])
     assert max(np.abs(np.diff([0.0, *seen]))) < 1.6 * 20e3 * 0.01
     assert seen[-1] == pytest.approx(20e3, rel=1e-3)
+    bench.estimator_state.update(result(hold_answer(), time_s=bench.now_ns * 1e-9), 0)
     await bench.send("teach/save", name="a")
     await bench.send("teach/release")
     assert bench.mode is Mode.ARMED
@@ -270,6 +270,7 @@ async def test_teach_hold_ramps_without_a_bump_then_saves_and_returns(bench):
 async def test_one_search_that_fails_does_not_keep_a_pose_from_being_held(bench, later_s, mode):
     await bench.armed()
     await bench.send("teach/start")
+    bench.now_ns = round(later_s * SECOND)
     bench.estimator_state.update(failed(later_s), 0)
     answer = await bench.send("teach/hold")
     assert bench.mode is mode
@@ -277,6 +278,48 @@ async def test_one_search_that_fails_does_not_keep_a_pose_from_being_held(bench,
         assert bench.controller.hold.goal.pressures[0] == 20e3
     else:
         assert code(answer) == "not_available"
+
+
+@pytest.mark.parametrize(
+    ("verb", "fields"), [("teach/hold", {}), ("teach/save", {"name": "a"}), ("estimate/tare", {})]
+)
+async def test_an_estimate_of_where_the_arm_was_earlier_is_not_acted_on(bench, verb, fields):
+    """An estimator that has stopped is a fault after a second only: meanwhile a hand moves the arm on."""
+    await bench.armed()
+    await bench.send("teach/start")
+    bench.now_ns = round((RECENT_S + 0.1) * SECOND)
+    soon = bench.unix_ns + round(1.1 * ANSWER_S * SECOND)
+    assert code(await bench.send(verb, deadline_unix_ns=soon, **fields)) == "not_available"
+    assert bench.mode is Mode.TEACH
+    asked = asyncio.create_task(bench.send(verb, **fields))
+    bench.estimator_state.update(result(hold_answer(10e3), time_s=bench.now_ns * 1e-9), 0)
+    answer = await asked
+    assert isinstance(answer, Applied), answer
+
+
+async def test_feedback_on_a_pose_pauses_while_no_estimate_comes(bench):
+    await bench.armed()
+    await bench.send("teach/start")
+    await bench.send("teach/hold", ramp_s=0.1)
+    off = replace(hold_answer(), towards=np.full(6, 5e3))
+    bench.estimator_state.update(result(off), 0)
+    corrections = []
+    for _ in range(90):
+        bench.tick()
+        corrections.append(bench.controller.hold.correction[0])
+    stopped = round(RECENT_S / 0.01)
+    assert np.all(np.diff(corrections[: stopped - 1])[10:] > 0.0)
+    assert np.all(np.diff(corrections[stopped:]) == 0.0)
+
+
+async def test_a_saved_pose_is_the_one_that_its_pressures_hold(bench):
+    await bench.armed()
+    await bench.send("teach/start")
+    elsewhere = replace(failed(0.1), positions=np.ones((3, 3)))
+    bench.estimator_state.update(elsewhere, 0)
+    await bench.send("teach/save", name="a")
+    sections = (await bench.send("teach/list")).applied["a"].sections
+    assert {section.position_m for section in sections} == {(0.0, 0.0, 0.0)}
 
 
 async def test_set_points_are_refused_while_holding(bench):

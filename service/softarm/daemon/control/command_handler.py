@@ -16,7 +16,7 @@ from softarm.daemon.control.hold import HoldGoal
 from softarm.daemon.control.off_loop import off_loop
 from softarm.daemon.control.poses import PoseStore, SavedPose
 from softarm.daemon.control.recorder import Recorder, RecorderError
-from softarm.daemon.estimation.messages import HoldAnswer, PoseTarget
+from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer, PoseTarget
 from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.lease import LeaseError
 from softarm.daemon.safety.modes import PRESSURISED, Mode, TransitionRefusedError, Trigger
@@ -260,7 +260,8 @@ class CommandHandler:
 
     async def _teach_hold(self, request: TeachHold) -> Answer:
         self._refuse_blocked(Mode.HOLDING)
-        hold, pose = await self._wait_for_hold(request)
+        hold, estimate = await self._wait_for_hold(request)
+        pose = PoseTarget(estimate.positions, estimate.quaternions, hold.residuals)
         goal = HoldGoal(hold.pressures, pose)
         self._begin_hold(goal, request, f"{request.client} holds")
         return {
@@ -270,8 +271,8 @@ class CommandHandler:
             "note": hold.note,
         }
 
-    async def _wait_for_hold(self, request: Request) -> tuple[HoldAnswer, PoseTarget]:
-        """Wait for the pressures that hold the pose, and return both.
+    async def _wait_for_hold(self, request: Request) -> tuple[HoldAnswer, EstimationResult]:
+        """Wait for the pressures that hold the pose, and return them with the estimate of that pose.
 
         Raises:
             RefusalError: There are none, or the mode changed while the command waited.
@@ -303,15 +304,14 @@ class CommandHandler:
         self._context.controller.begin_hold(goal, request.ramp_s, now_ns, cause, request.client)
 
     async def _teach_save(self, request: TeachSave) -> Answer:
-        hold, _ = await self._wait_for_hold(request)
-        sections = self._context.estimator_state.sections
+        hold, estimate = await self._wait_for_hold(request)
         controller = self._context.controller
         # What holds the arm now was corrected by feedback; the model's own answer was not.
         held = controller.modes.mode is Mode.HOLDING
         pressures = controller.setpoint if held else hold.pressures
         pose = SavedPose(
             pressures_pa=tuple(float(p) for p in pressures),
-            sections=sections,
+            sections=self._context.estimator_state.section_poses(estimate),
             reachable=hold.reachable,
             note=hold.note,
             saved_unix_ns=self._context.unix_ns(),

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer, PoseTarget
+from softarm.daemon.estimation.messages import EstimationResult, HoldAnswer
 from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Load
 from softarm.estimator.rotations import from_quaternions
@@ -22,7 +22,7 @@ CONTACT_FLOOR_N = 0.02
 SPANNED = 1e-6
 """An axis is estimated when the loads' directions span it up to this."""
 RECENT_S = 0.5
-"""Age up to which a command may use an earlier answer for the pose [s]: one search may fail."""
+"""Age of the readings up to which commands and the feedback act on an estimate [s]: one search may fail."""
 
 
 @dataclass(frozen=True)
@@ -110,6 +110,7 @@ class EstimatorState:
         section_names: Sections in the model's order.
         loads: The model's loads.
         align: Aligns the inertial units with given rest orientations and names them.
+        clock_ns: Monotonic clock.
     """
 
     def __init__(
@@ -117,6 +118,7 @@ class EstimatorState:
         section_names: tuple[str, ...],
         loads: tuple[Load, ...],
         align: Callable[[Mapping[str, Floats]], tuple[str, ...]],
+        clock_ns: Callable[[], int],
     ) -> None:
         self.load_map = LoadMap.of(loads)
         self.tare = np.zeros(len(loads))
@@ -124,10 +126,11 @@ class EstimatorState:
         self.failures = 0
         self.contact_since_unix_ns: int | None = None
         self.contact: Contact | None = None
-        self._held: tuple[float, HoldAnswer, PoseTarget] | None = None
+        self._held: tuple[HoldAnswer, EstimationResult] | None = None
         self._updated = asyncio.Event()
         self._names = section_names
         self._align = align
+        self._clock_ns = clock_ns
 
     def fail(self) -> None:
         """Note a search that diverged: the last pose stays, but nothing may be steered by it."""
@@ -140,9 +143,8 @@ class EstimatorState:
         """Keep the newest result of the estimator; the wall clock dates a contact."""
         self.failures = 0 if result.converged else self.failures + 1
         self.result = result
-        if self.hold is not None:
-            pose = PoseTarget(result.positions, result.quaternions, self.hold.residuals)
-            self._held = (result.request.time_s, self.hold, pose)
+        if result.hold is not None and result.hold.known:
+            self._held = result.hold, result
         # A contact neither begins nor ends by an estimate that did not converge.
         if result.converged:
             self._follow_contact(result, unix_ns)
@@ -169,6 +171,11 @@ class EstimatorState:
         """Make those who wait check whether there is still something to wait for."""
         self._updated.set()
 
+    def _recent(self, result: EstimationResult) -> bool:
+        """Return whether the readings of a result are not too old to act on."""
+        # The arm may have moved elsewhere before the health checks report that no results come.
+        return self._clock_ns() * 1e-9 - result.request.time_s <= RECENT_S
+
     @property
     def hold(self) -> HoldAnswer | None:
         """Pressures that would hold the measured pose, from the newest estimate; ``None`` when unknown."""
@@ -177,23 +184,23 @@ class EstimatorState:
 
     @property
     def hold_answer(self) -> HoldAnswer | None:
-        """Answer of the newest estimate on holding the pose, also where it found no pressures."""
-        return None if self.result is None else self.result.hold
+        """Answer of a recent newest estimate on holding the pose, also where it found no pressures."""
+        return self.result.hold if self.result is not None and self._recent(self.result) else None
 
     @property
-    def held(self) -> tuple[HoldAnswer, PoseTarget] | None:
-        """Pressures known to hold the pose a moment ago, with that pose; ``None`` when there are none."""
-        if self._held is None or self.result is None or self.hold_answer is None:
+    def held(self) -> tuple[HoldAnswer, EstimationResult] | None:
+        """Pressures known to hold the pose a moment ago, with that estimate; ``None`` when there are none."""
+        if self._held is None or self.hold_answer is None or not self._recent(self._held[1]):
             return None
-        time_s, answer, pose = self._held
-        return (answer, pose) if self.result.request.time_s - time_s <= RECENT_S else None
+        return self._held
 
     @property
     def sections(self) -> tuple[SectionPose, ...]:
         """Section poses of the newest estimate."""
-        result = self.result
-        if result is None:
-            return ()
+        return () if self.result is None else self.section_poses(self.result)
+
+    def section_poses(self, result: EstimationResult) -> tuple[SectionPose, ...]:
+        """Return the section poses of a result."""
         return tuple(
             SectionPose(
                 section=name,
@@ -212,8 +219,8 @@ class EstimatorState:
         )
 
     def tare_now(self) -> Floats | None:
-        """Make the present force the zero and return it; nothing changes without a converged estimate."""
-        if self.result is None or not self.result.converged:
+        """Make the present force the zero and return it; without a recent, converged estimate do nothing."""
+        if self.result is None or not self.result.converged or not self._recent(self.result):
             return None
         self.tare = self.result.loads.copy()
         self.contact_since_unix_ns, self.contact = None, None
