@@ -60,6 +60,19 @@ def test_convert_refuses_what_is_there(run7: Path, capsys: pytest.CaptureFixture
     assert run(["convert", str(run7), str(target), "--force"]) == 0
 
 
+def test_a_map_that_would_not_be_read_is_refused(run7: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (run7.parent / "export.tsv").touch()
+    (run7.parent / "map.toml").touch()
+    for source, column_map, words in (
+        ("run7", "map.toml", "Qualisys"),
+        ("export.tsv", "none.toml", "none.toml"),
+    ):
+        paths = [str(run7.parent / name) for name in (source, "x.mcap", column_map)]
+        assert run(["convert", *paths[:2], "--map", paths[2]]) == 2
+        assert words in capsys.readouterr().err
+    assert not (run7.parent / "x.mcap").exists()
+
+
 @pytest.mark.parametrize("target", ["elsewhere/run8", "elsewhere/run8.mcap", "elsewhere/run8.csv"])
 def test_a_conversion_elsewhere_names_the_same_specimen(target: str, run7: Path, tmp_path: Path) -> None:
     save_specimen(load_specimen("sopra"), tmp_path / "arm.toml")

@@ -1,6 +1,8 @@
 """An internal error ends in one line, with its traceback on request; Ctrl-C ends as shells expect."""
 
+import errno
 import io
+import os
 from pathlib import Path
 from typing import IO
 
@@ -27,6 +29,30 @@ def test_an_internal_error_is_one_line(
     monkeypatch.setenv(cli.TRACEBACK, "1")
     with pytest.raises(ZeroDivisionError):
         cli.main(["demo"])
+
+
+@pytest.mark.parametrize(
+    ("number", "named", "status", "words"),
+    [
+        (errno.ENOSPC, None, 1, "an output: No space left on device; make room on the disk"),
+        (errno.ENAMETOOLONG, "x" * 300, 2, "File name too long; give a path that can be used"),
+        (errno.EROFS, "/mnt/run.csv", 2, "/mnt/run.csv: Read-only file system; give a path"),
+    ],
+)
+def test_an_output_that_cannot_be_written_is_no_internal_error(
+    number: int,
+    named: str | None,
+    status: int,
+    words: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def fail(**options: object) -> None:
+        raise OSError(number, os.strerror(number), named)
+
+    monkeypatch.setattr(cli.softarm, "main", fail)
+    assert cli.run(["demo"]) == status
+    assert words in capsys.readouterr().err
 
 
 def test_ctrl_c_is_one_line_and_status_130(

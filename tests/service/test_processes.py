@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from softarm.common.errors import WorkFailedError
 from softarm.common.processes import processes
 
 WAITING = """
@@ -35,6 +36,11 @@ def test_the_work_is_done_in_other_processes() -> None:
 def test_the_error_of_a_piece_of_work_comes_out() -> None:
     with pytest.raises(ZeroDivisionError), processes(1) as pool:
         pool.submit(divmod, 1, 0).result()
+
+
+def test_a_process_that_is_killed_fails_the_work_in_plain_words() -> None:
+    with pytest.raises(WorkFailedError, match="lack of memory"), processes(1) as pool:
+        pool.submit(os.kill, pool.submit(os.getpid).result(), signal.SIGKILL).result()
 
 
 def test_ctrl_c_ends_all_and_only_the_first_process_reports_it(tmp_path) -> None:

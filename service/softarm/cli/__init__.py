@@ -1,5 +1,6 @@
 """The ``softarm`` command: one module per sub-command, imported only when it is called."""
 
+import errno
 import importlib
 import os
 import sys
@@ -17,6 +18,12 @@ INTERRUPTED = 130
 """Exit status after Ctrl-C, as shells expect it."""
 THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
 """Environment variables for how many threads linear algebra may use; libraries read them as they load."""
+
+UNUSABLE = (
+    errno.EACCES, errno.EEXIST, errno.EISDIR, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EPERM, errno.EROFS,
+)  # fmt: skip
+"""Errors of the system that are those of a path which the user gave."""
+FULL = errno.ENOSPC, errno.EDQUOT
 
 COMMANDS = {
     "demo": "Start simulated instruments, service and page, and run the force experiment.",
@@ -135,11 +142,13 @@ def run(arguments: Sequence[str] | None = None) -> int:
     except (ClientError, WorkFailedError) as error:
         click.echo(f"softarm: {error}", err=True)
         return 1
-    except (FileExistsError, IsADirectoryError, NotADirectoryError, PermissionError) as error:
-        if error.filename is None or os.environ.get(TRACEBACK):
+    except OSError as error:
+        full = error.errno in FULL
+        if os.environ.get(TRACEBACK) or not (full or (error.errno in UNUSABLE and error.filename)):
             raise
-        click.echo(f"softarm: {error.filename}: {error.strerror}; give a path that can be used", err=True)
-        return 2
+        cure = "make room on the disk" if full else "give a path that can be used"
+        click.echo(f"softarm: {error.filename or 'an output'}: {error.strerror}; {cure}", err=True)
+        return 1 if full else 2
     except (click.Abort, KeyboardInterrupt) as error:
         if isinstance(error.__context__, EOFError):  # Click raises the same error for Ctrl-C
             click.echo(

@@ -60,7 +60,6 @@ def command(
     """
     from softarm.analysis.calibration_tables import calibration_tables, drift_table
     from softarm.analysis.offline.inputs import load_recordings, specimen_of, taken_in
-    from softarm.common.files import require_free
     from softarm.estimator.arm import build_arm
     from softarm.estimator.calibration import (
         CalibrationRefusedError,
@@ -75,6 +74,7 @@ def command(
     from softarm.estimator.calibration.data_quality import data_quality_notes
     from softarm.estimator.diagnosis.admit import LEAST_SAMPLES
     from softarm.estimator.errors import InputError
+    from softarm.estimator.files import require_free
     from softarm.estimator.node_by_node import NodeByNode
     from softarm.estimator.specimen import save_specimen
 

@@ -5,10 +5,10 @@ from pathlib import Path
 import click
 
 from softarm.cli.output import PICTURE, json_option, say, show
-from softarm.common.files import read_toml
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import Setup, load_config
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import read_toml
 from softarm.estimator.geometry import DEFAULTS, build_mesh
 from softarm.estimator.specimen import Specimen, load_specimen
 

@@ -10,7 +10,7 @@ from softarm.cli.output import PATH, force_option, json_option, progress, say, s
 from softarm.common.tables import Table
 from softarm.estimator.recording import Recording
 from softarm.recordings import load_recording, read_attachments, save_recording
-from softarm.recordings.load import data_file
+from softarm.recordings.load import QUALISYS, data_file
 from softarm.recordings.summary import summary
 
 
@@ -20,7 +20,7 @@ from softarm.recordings.summary import summary
 @click.option(
     "--map",
     "column_map",
-    type=PATH,
+    type=click.Path(path_type=Path, exists=True, dir_okay=False),
     help="TOML file with the names of a Qualisys export's markers and bodies; by default the .toml of the "
     "same name as the export.",
 )
@@ -34,6 +34,8 @@ def command(source: Path, target: Path, column_map: Path | None, force: bool, as
 
     Example: softarm convert run7.mcap run7
     """
+    if column_map is not None and source.suffix not in QUALISYS:
+        raise click.UsageError(f"--map is for Qualisys exports ({', '.join(QUALISYS)}), not for {source}")
     with progress(f"converting {source.name}"):
         recording = _names_its_specimen_from(load_recording(source, column_map), source, target)
         written = save_recording(recording, target, force=force, attachments=read_attachments(source))

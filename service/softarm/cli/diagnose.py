@@ -127,7 +127,7 @@ def command(
     from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
     from softarm.analysis.offline.inputs import load_recordings, specimen_of
-    from softarm.common.files import require_free
+    from softarm.estimator.files import require_free
     from softarm.estimator.specimen import save_specimen
 
     robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))

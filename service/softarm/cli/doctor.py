@@ -11,7 +11,6 @@ import click
 
 from softarm.cli.output import PATH, json_option, progress, show
 from softarm.common.errors import WorkFailedError
-from softarm.common.files import read_toml
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import ConfigError, load_config
 from softarm.daemon.control.lateness import LATE_NS, STARVED_PERCENT, read_pressure
@@ -24,6 +23,7 @@ from softarm.drivers.reading import Reading
 from softarm.drivers.registry import load_devices
 from softarm.drivers.supervisor import ALIVE, ConnectionState
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import read_toml
 
 TICK_NS = 20_000_000
 LITTLE_ENDIAN = 1

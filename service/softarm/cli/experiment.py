@@ -94,7 +94,7 @@ def everything(write: Path | None, force: bool, **options: Any) -> int:
 
     Example: softarm experiment all --fake --seeds 3 --write docs/experiments.md
     """
-    from softarm.common.files import require_free
+    from softarm.estimator.files import require_free
 
     if write is not None:
         require_free(write, force=force or write.suffix == ".md")
@@ -150,7 +150,7 @@ def _run(
 def _recorded(
     name: str, plans: "list[SeedPlan]", jobs: int | None, out: Path, *, as_json: bool, write: Path | None
 ) -> int:
-    from softarm.common.files import write_whole
+    from softarm.estimator.files import write_whole
     from softarm.experiments.campaign import default_jobs, run_campaign, summary, tables_of, write_json
     from softarm.experiments.page import experiments_page
     from softarm.experiments.plots import plot_results
@@ -173,8 +173,8 @@ def _recorded(
 
 
 def _live(name: str, settings: "LiveRigSettings", seeds: int | None, *, as_json: bool) -> int:
-    from softarm.common.files import write_whole
     from softarm.estimator.calibration import CalibrationRefusedError
+    from softarm.estimator.files import write_whole
     from softarm.experiments.live_tables import Talk, run_live, run_live_arms
 
     def ask(sentence: str) -> None:

@@ -11,9 +11,9 @@ import click
 import tomli_w
 
 from softarm.cli.output import PATH, force_option, json_option, say, show
-from softarm.common.files import require_free, write_whole
 from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Table
+from softarm.estimator.files import require_free, write_whole
 from softarm.estimator.specimen import load_specimen
 from softarm.experiments.rig import RigSettings, service_config
 from softarm.fakes.clock import Clock

@@ -46,7 +46,7 @@ def command(
     Example: softarm record --arm sopra --seconds 60 --name pull
     """
     if start + stop + (seconds is not None) > 1:
-        raise click.UsageError("give only one of --seconds, --start and --stop", click.get_current_context())
+        raise click.UsageError("give only one of --seconds, --start and --stop")
     with (
         awaiting_signals(),
         Arm(arm, endpoint, name="softarm record", zenoh_config=zenoh_config) as client,

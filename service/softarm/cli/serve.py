@@ -16,13 +16,13 @@ import click
 
 from softarm.cli.output import PATH, progress
 from softarm.common.errors import WorkFailedError
-from softarm.common.files import require_writable
 from softarm.common.rods import cache_directory, known_trusted_rod, trusted_rod
 from softarm.daemon.app import Replay, Service
 from softarm.daemon.config import Setup, load_config
 from softarm.daemon.notify import Notifier
 from softarm.daemon.unit import UNIT_FOLDERS
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import require_writable
 from softarm.estimator.specimen import Specimen
 from softarm.recordings import load_recording
 from softarm_client.errors import ClientError

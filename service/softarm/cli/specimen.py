@@ -39,8 +39,8 @@ def new(out: Path, force: bool, as_json: bool) -> int:
     Example: softarm specimen new --out my_arm.toml
     """
     from softarm.cli.check import draw, specimen_tables
-    from softarm.common.files import require_free
     from softarm.estimator.errors import InputError
+    from softarm.estimator.files import require_free
     from softarm.estimator.specimen import load_specimen, save_specimen
     from softarm.estimator.specimen.measures import specimen_of_measures
 

@@ -4,8 +4,11 @@ import os
 import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor, ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context
+
+from softarm.common.errors import WorkFailedError
 
 
 @contextmanager
@@ -17,6 +20,9 @@ def processes(jobs: int) -> Iterator[Executor]:
 
     Args:
         jobs: Number of processes.
+
+    Raises:
+        WorkFailedError: One of the processes ended by itself.
     """
     usual = signal.signal(signal.SIGINT, signal.SIG_IGN)  # what starts now inherits this
     try:
@@ -27,9 +33,12 @@ def processes(jobs: int) -> Iterator[Executor]:
         signal.signal(signal.SIGINT, usual)
     try:
         yield executor
-    except BaseException:
+    except BaseException as error:
         for child in active_children():
             child.terminate()
         executor.shutdown(cancel_futures=True)
+        if isinstance(error, BrokenProcessPool):
+            what = "one of the processes was ended, perhaps for lack of memory; use fewer jobs"
+            raise WorkFailedError(what) from error
         raise
     executor.shutdown()

@@ -6,8 +6,8 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from softarm.common.errors import WorkFailedError
-from softarm.common.files import write_whole
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import write_whole
 from softarm.estimator.rod.archive import from_bytes, shape_key, shipped_rod, to_bytes
 from softarm.estimator.rod.fit import FittedRod, Recipe, adapted, fit_rod, sampled_model
 from softarm.estimator.rod.model import CalibratedRod

@@ -7,7 +7,6 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from softarm.common.files import read_toml
 from softarm.daemon.consistency import misfits
 from softarm.daemon.settings import (
     ControlSettings,
@@ -22,6 +21,7 @@ from softarm.drivers.errors import DeviceErrors
 from softarm.drivers.registry import load_devices
 from softarm.drivers.valves.config import ValveConfig
 from softarm.estimator.errors import InputError, suggest
+from softarm.estimator.files import read_toml
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm_client.session import NetworkSettings
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from softarm.common.files import write_whole
 from softarm.common.processes import processes
 from softarm.common.tables import Table
+from softarm.estimator.files import write_whole
 from softarm.experiments.figures import Cells
 from softarm.experiments.seed import FAILED, HANDS, IN_REACH, SeedPlan, SeedResult, run_seed
 from softarm.experiments.teaching import CORRECTIONS

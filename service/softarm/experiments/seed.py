@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 
 from softarm.common.errors import WorkFailedError
-from softarm.common.files import write_whole
 from softarm.estimator.arm import default_loads
 from softarm.estimator.calibration import (
     Calibrated,
@@ -21,6 +20,7 @@ from softarm.estimator.calibration import (
 )
 from softarm.estimator.calibration.pulls import section_forces
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import write_whole
 from softarm.estimator.recording import Recording
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.specimen import Specimen, load_specimen, save_specimen

@@ -7,8 +7,8 @@ from typing import Any
 
 import tomli_w
 
-from softarm.common.files import parse_toml
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import parse_toml
 
 GRAVITY_RANGE = (9.0, 11.0)  # m/s2; on Earth 9.76 to 9.84, so anything else is another unit or incomplete
 

@@ -3,9 +3,9 @@
 from collections.abc import Mapping
 from pathlib import Path
 
-from softarm.common.files import require_free, whole_files
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import require_free, whole_files
 from softarm.estimator.recording import Recording
 from softarm.recordings.c3d import read_c3d
 from softarm.recordings.info import format_info, read_info, sidecar
@@ -16,7 +16,8 @@ from softarm.recordings.validate import checked_recording
 
 TABLES = (".csv", ".parquet")
 WRITTEN = (*TABLES, ".mcap")
-READ = (*WRITTEN, ".c3d", ".tsv")
+QUALISYS = (".c3d", ".tsv")
+READ = (*WRITTEN, *QUALISYS)
 STEM = "recording"
 
 

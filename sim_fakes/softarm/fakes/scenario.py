@@ -1,7 +1,6 @@
 """Scenario files: which fakes there are, how they are, and what goes wrong when."""
 
 import difflib
-import tomllib
 from collections.abc import Sequence
 from importlib import resources
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, model_validator
 
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import parse_toml
 from softarm.fakes.parts import (
     PART_OF_KIND,
     AnyDevice,
@@ -126,13 +126,11 @@ def read_scenario(source: str | Path) -> Scenario:
     shipped = resources.files("softarm.fakes") / "scenarios" / f"{source}.toml"
     file = shipped if str(source) in SHIPPED else Path(source)
     try:
-        table = tomllib.loads(file.read_text(encoding="utf-8"))
+        data = file.read_bytes()
     except OSError as error:
         advice = f"give a scenario file or one of {', '.join(SHIPPED)}"
         raise InputError(str(source), f"cannot be read ({error.strerror})", advice) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputError(str(source), f"is not TOML ({error})", "correct the file") from None
-    return check_scenario(table, str(source))
+    return check_scenario(parse_toml(str(source), data), str(source))
 
 
 def check_scenario(table: dict[str, Any], where: str = "scenario") -> Scenario:

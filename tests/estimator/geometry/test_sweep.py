@@ -115,10 +115,10 @@ def test_cylinder_volumes_match_the_plane_figures(count: int) -> None:
 def test_a_cylinder_with_too_few_chambers_or_no_room_for_them_is_refused() -> None:
     table = specimen_table(cylinder_specimen(3), Path())
     with pytest.raises(InputError, match="1 chambers where this cylinder has 2"):
-        parse_specimen(tomli_w.dumps(table | {"chambers": table["chambers"][:1]}), "cylinder")
+        parse_specimen(tomli_w.dumps(table | {"chambers": table["chambers"][:1]}).encode(), "cylinder")
     table["geometry"]["core_radius_m"] = 0.017
     with pytest.raises(InputError, match=r"core radius 0\.017 m is not between"):
-        parse_specimen(tomli_w.dumps(table), "cylinder")
+        parse_specimen(tomli_w.dumps(table).encode(), "cylinder")
 
 
 def test_block_fills_its_box() -> None:
@@ -224,6 +224,6 @@ def test_chambers_out_of_line_are_refused() -> None:
     chambers = [dict(chamber.model_dump()) for chamber in specimen.chambers]
     for chamber in chambers[3:]:
         chamber["azimuth_rad"] += 0.5
-    twisted = parse_specimen(tomli_w.dumps(table | {"chambers": chambers}), "arm.toml")
+    twisted = parse_specimen(tomli_w.dumps(table | {"chambers": chambers}).encode(), "arm.toml")
     with pytest.raises(InputError, match=r"chambers\[3\].azimuth_rad: .* not in line"):
         build_mesh(twisted)

@@ -31,7 +31,7 @@ def error_of(*changes: tuple[str, str]) -> InputError:
         assert old in text
         text = text.replace(old, new, 1)
     with pytest.raises(InputError) as caught:
-        parse_specimen(text, "arm.toml")
+        parse_specimen(text.encode(), "arm.toml")
     assert "\n" not in str(caught.value)
     return caught.value
 
@@ -63,7 +63,7 @@ def test_calibration_and_physics_survive_the_round_trip(tmp_path: Path) -> None:
 
 def test_the_earlier_key_of_the_quadratic_gain_is_read_and_the_present_one_written(tmp_path: Path) -> None:
     earlier = "\n[[calibration.chambers]]\nindex = 2\nbow_per_pa2 = { value = 4e-11, std = 5e-12 }\n"
-    specimen = parse_specimen(TEXT + earlier, "arm.toml")
+    specimen = parse_specimen((TEXT + earlier).encode(), "arm.toml")
     assert specimen.calibration.chamber(2).quadratic_gain_per_pa2 == Value(value=4e-11, std=5e-12)
     save_specimen(specimen, tmp_path / "arm.toml")
     assert "quadratic_gain_per_pa2" in (tmp_path / "arm.toml").read_text()
@@ -86,8 +86,11 @@ def test_mesh_path_follows_the_file(tmp_path: Path) -> None:
 def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     (tmp_path / "folder").mkdir()
-    for place in (tmp_path / "file" / "arm.toml", tmp_path / "folder"):
-        with pytest.raises(InputError, match="cannot write"):
+    for place, what in (
+        (tmp_path / "file" / "arm.toml", "cannot be written"),
+        (tmp_path / "folder", "not a file"),
+    ):
+        with pytest.raises(InputError, match=what):
             save_specimen(load_specimen("beam"), place)
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file", "folder"]
 

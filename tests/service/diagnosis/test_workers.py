@@ -33,10 +33,8 @@ def _process_after(seconds: float) -> int:
     return os.getpid()
 
 
-def test_a_scheduler_that_is_not_there_is_named() -> None:
+@pytest.mark.parametrize("address", ["tcp://127.0.0.1:9", "nowhere"])
+def test_a_scheduler_that_is_not_there_is_named(address: str) -> None:
     pytest.importorskip("distributed")
-    with (
-        pytest.raises(InputError, match="no scheduler answers"),
-        workers(2, "tcp://127.0.0.1:9", patience=0.5),
-    ):
+    with pytest.raises(InputError, match="no scheduler answers"), workers(2, address, patience=0.5):
         pass

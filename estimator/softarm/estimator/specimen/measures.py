@@ -98,7 +98,7 @@ def specimen_of_measures(measures: ArmMeasures) -> Specimen:
     Raises:
         InputError: The measures do not fit together, with the field that does not.
     """
-    return parse_specimen(tomli_w.dumps(_table(measures)), measures.name)
+    return parse_specimen(tomli_w.dumps(_table(measures)).encode(), measures.name)
 
 
 def _table(measures: ArmMeasures) -> dict[str, object]:

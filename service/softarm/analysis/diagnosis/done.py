@@ -7,7 +7,7 @@ from pathlib import Path
 from softarm import estimator
 from softarm.analysis.diagnosis.report import FILE, Report, read_report
 from softarm.analysis.diagnosis.run import DiagnosisRequest
-from softarm.common.files import write_whole
+from softarm.estimator.files import write_whole
 
 DIGEST = "report.digest"
 """File beside the report; it is written last, so that it stands for a whole report."""

@@ -7,10 +7,10 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from softarm.analysis.diagnosis import sentences
 from softarm.analysis.diagnosis.figures import draw_arm, draw_exposure, draw_trace
-from softarm.common.files import write_whole
 from softarm.estimator.diagnosis.detection import by_effect
 from softarm.estimator.diagnosis.result import Cell, Diagnosis, LocationMap
 from softarm.estimator.effects.effect import describe
+from softarm.estimator.files import write_whole
 from softarm.estimator.specimen import Specimen
 
 FILE = "report.html"

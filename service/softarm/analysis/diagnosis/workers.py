@@ -53,8 +53,9 @@ def _dask(address: str, patience: float) -> Iterator[Executor]:
         raise InputError("--dask", "Dask is not installed", "pip install distributed") from None
     try:
         client: Any = Client(address, timeout=patience)  # type: ignore[no-untyped-call]
-    except OSError:
-        raise InputError("--dask", f"no scheduler answers at {address}", "check the address") from None
+    except (OSError, ValueError):
+        cure = "give the address of a running one, such as tcp://10.0.0.5:8786"
+        raise InputError("--dask", f"no scheduler answers at {address}", cure) from None
     with client:
         executor: Executor = client.get_executor()
         yield executor

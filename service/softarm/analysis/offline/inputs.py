@@ -86,7 +86,7 @@ def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[R
         return load_specimen(given)
     attached = read_attachments(paths[0]).get(SPECIMEN_FILE)
     if attached is not None:
-        return parse_specimen(attached.decode(), f"{paths[0]}, {SPECIMEN_FILE}")
+        return parse_specimen(attached, f"{paths[0]}, {SPECIMEN_FILE}")
     named = recordings[0].info.get("specimen")
     if named is None:
         raise InputError(str(paths[0]), "names no specimen", "give it with --specimen")

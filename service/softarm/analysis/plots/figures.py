@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from softarm.common.files import whole_files
+from softarm.estimator.files import whole_files
 
 WIDTH = 10.0  # inches
 PANEL_HEIGHT = 1.9

@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from softarm.common.files import read_toml
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import read_toml
 
 TRIAL_FILE = "trial.toml"
 LAYOUT = "see docs/diagnosis-proof.md for the layout"

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from softarm.common.files import write_whole
 from softarm.common.tables import Table, as_markdown
+from softarm.estimator.files import write_whole
 
 TITLE = re.compile(r"^\*\*(.+)\*\*$", re.MULTILINE)
 

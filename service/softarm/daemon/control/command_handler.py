@@ -21,6 +21,7 @@ from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.lease import LeaseError
 from softarm.daemon.safety.modes import PRESSURISED, Mode, TransitionRefusedError, Trigger
 from softarm.drivers.errors import DeviceErrors, InterlockError, LimitError
+from softarm.estimator.errors import InputError
 from softarm_client.commands import (
     VERBS,
     Applied,
@@ -136,9 +137,7 @@ class CommandHandler:
             applied = self._handlers[verb](request)
             if not isinstance(applied, dict):
                 applied = await applied
-        except RefusalError as refusal:
-            return Refused(verb=verb, code=refusal.code, message=str(refusal), hint=refusal.hint)
-        except LeaseError as refusal:
+        except (RefusalError, LeaseError) as refusal:
             return Refused(verb=verb, code=refusal.code, message=str(refusal), hint=refusal.hint)
         except TransitionRefusedError as refusal:
             hint = WAY_OUT[refusal.mode]
@@ -147,6 +146,9 @@ class CommandHandler:
             return Refused(verb=verb, code="out_of_limit", message=refusal.what, hint=refusal.cure)
         except InterlockError as refusal:
             return Refused(verb=verb, code="not_available", message=refusal.what, hint=refusal.cure)
+        except InputError as refusal:
+            message = f"{refusal.where}: {refusal.what}"
+            return Refused(verb=verb, code="not_available", message=message, hint=refusal.cure)
         except RecorderError as refusal:
             hint = "see the service's findings"
             return Refused(verb=verb, code="not_available", message=str(refusal), hint=hint)

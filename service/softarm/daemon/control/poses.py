@@ -1,8 +1,6 @@
 """Saved poses: one JSON file, replaced as a whole."""
 
 import json
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +8,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from softarm.daemon.estimation.messages import PoseTarget
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import write_whole
 from softarm_client.messages import SectionPose
 
 
@@ -68,13 +67,7 @@ class PoseStore:
         """Remember a pose; one of the same name is replaced."""
         poses = {**self._poses, name: pose}
         document = {key: value.model_dump(mode="json") for key, value in poses.items()}
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        # Renamed only when it is on the disk: a power cut leaves the old file or the new one, whole.
-        with tempfile.NamedTemporaryFile("w", dir=self._path.parent, delete=False) as file:
-            json.dump(document, file, indent=1)
-            file.flush()
-            os.fsync(file.fileno())
-        Path(file.name).replace(self._path)
+        write_whole({self._path: json.dumps(document, indent=1).encode()})
         self._poses = poses
 
 

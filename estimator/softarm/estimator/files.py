@@ -1,6 +1,7 @@
 """Files: TOML that is read, outputs that appear whole or not at all."""
 
 import os
+import secrets
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -79,7 +80,7 @@ def require_writable(where: str, folder: Path) -> None:
 
 @contextmanager
 def whole_files(*paths: Path) -> Iterator[tuple[Path, ...]]:
-    """Write files under other names beside their place and rename them once all are complete.
+    """Write files under other names beside their place and rename them once all are on the disk.
 
     Args:
         paths: The files' final places; missing folders are made.
@@ -88,13 +89,16 @@ def whole_files(*paths: Path) -> Iterator[tuple[Path, ...]]:
         Where to write, one path per final place.
 
     Raises:
-        InputError: A folder cannot be made or written to.
+        InputError: A folder cannot be made or written to, or a path is no file, such as a device.
     """
     made = [folder for path in paths for folder in _missing_folders(path.parent)]
     drafts: list[Path] = []
     try:
         drafts.extend(map(_draft, paths))
         yield tuple(drafts)
+        for draft in drafts:  # a power cut leaves the old file or the new one, whole
+            with draft.open("rb") as file:
+                os.fsync(file.fileno())
         for draft, path in zip(drafts, paths, strict=True):
             draft.replace(path)
     except BaseException:
@@ -113,25 +117,16 @@ def write_whole(contents: Mapping[Path, bytes]) -> None:
 
 
 def _draft(path: Path) -> Path:
+    draft = path.with_name(f".{path.name}.{secrets.token_hex(4)}.part")
     try:
+        if path.exists() and not path.is_file():
+            raise InputError(str(path), "is not a file", "give a path that can be replaced")
         path.parent.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(prefix=f".{path.name}.", suffix=".part", dir=path.parent)
+        draft.touch(exist_ok=False)
     except OSError as error:
-        raise InputError(
-            str(path.parent),
-            f"cannot be written to ({error.strerror})",
-            "give a folder that you may write to",
-        ) from None
-    os.close(handle)
-    draft = Path(name)
-    draft.chmod(0o666 & ~_umask())
+        what = f"cannot be written ({error.strerror})"
+        raise InputError(str(path), what, "give a path in a folder that you may write to") from None
     return draft
-
-
-def _umask() -> int:
-    mask = os.umask(0)
-    os.umask(mask)
-    return mask
 
 
 def _missing_folders(folder: Path) -> list[Path]:
