@@ -94,16 +94,15 @@ class Reduction:
         if seen is None:
             return None
         count, forces = len(self.axes), estimate.inputs.loads
-        compliance, stiffness, mass, noise = (np.empty((count, count)) for _ in range(4))
-        displacement, unloaded = np.empty(count), np.empty(count)
-        slowest = _reduce(
+        stiffness, mass, displacement, unloaded, slowest = _reduce(
             estimate.frames.positions, estimate.motion, self.axes, self.places, self.neighbours,
-            self.masses.sections, self.masses.segments, forces, compliance, stiffness, mass, displacement,
-            unloaded,
+            self.masses.sections, self.masses.segments, forces,
         )  # fmt: skip
         if slowest < 0.0:
             return None
-        squares = _carry(estimate.covariance, seen.weighted, own_noise, seen.members, seen.innovation, noise)
+        noise, squares = _noise_and_squares(
+            estimate.covariance[-count:], seen.weighted, own_noise, seen.members, seen.innovation
+        )
         misfit = squares / max(len(seen.members) - count, 1)
         return ReducedArm(
             stiffness, mass, displacement, unloaded, forces, noise, seen.members, misfit, slowest
@@ -120,14 +119,15 @@ def _reduce(
     sections: Floats,
     segments: Floats,
     forces: Floats,
-    compliance: Floats,
-    stiffness: Floats,
-    mass: Floats,
-    displacement: Floats,
-    unloaded: Floats,
-) -> float:
-    """Fill C, K, M and displacements; return the slowest frequency, -1 where C is not positive definite."""
-    count, lower = len(axes), np.empty_like(compliance)
+) -> tuple[Floats, Floats, Floats, Floats, float]:
+    """Return K, M, both displacements and the lowest frequency, -1 where C is not positive definite."""
+    count = len(axes)
+    compliance, lower, stiffness = (
+        np.zeros((count, count)),
+        np.empty((count, count)),
+        np.empty((count, count)),
+    )
+    mass, displacement, unloaded = np.zeros((count, count)), np.zeros(count), np.empty(count)
     motion = np.empty((1, len(positions), 6, count))
     for section in range(len(positions)):
         for k in range(6):
@@ -135,63 +135,53 @@ def _reduce(
                 motion[0, section, k, c] = twists[6 * section + k, twists.shape[1] - count + c]
     for r in range(count):
         for c in range(count):
-            compliance[r, c] = 0.0
             for k in range(3):
                 compliance[r, c] += 0.5 * axes[r, k] * motion[0, places[r], k, c]
                 compliance[r, c] += 0.5 * axes[c, k] * motion[0, places[c], k, r]
     if not factorise(compliance, lower):
-        return -1.0
+        return stiffness, mass, displacement, unloaded, -1.0
     invert(compliance, stiffness)
     weight, trace = np.zeros((1, count, count)), 0.0
     mass_kernel(
         positions.copy().reshape(1, len(positions), 3), motion, neighbours, sections, segments, weight
     )
-    mass.fill(0.0)
     add_congruence(1.0, stiffness, weight[0], mass)
     for r in range(count):
-        displacement[r] = 0.0
         for k in range(3):
             displacement[r] += axes[r, k] * positions[places[r], k]
         unloaded[r] = displacement[r]
         for c in range(count):
             unloaded[r] -= compliance[r, c] * forces[c]
             trace += weight[0, r, c] * stiffness[c, r]
-    return 1.0 / math.sqrt(trace)
+    return stiffness, mass, displacement, unloaded, 1.0 / math.sqrt(trace)
 
 
 @njit(cache=True, nogil=True)
-def _carry(
-    covariance: Floats,
-    weighted: Floats,
-    own_noise: Floats,
-    members: Indices,
-    residuals: Floats,
-    noise: Floats,
-) -> float:
-    """Fill the covariance that the sensors' own noise makes in the loads, through the estimate.
+def _noise_and_squares(
+    covariance: Floats, weighted: Floats, own_noise: Floats, members: Indices, residuals: Floats
+) -> tuple[Floats, float]:
+    """Compute the covariance of the loads by the sensors' noise, and the squares of the residuals over it.
 
     Args:
-        covariance: Of the estimate, shape (inputs, inputs).
+        covariance: Of the estimated loads with all inputs, shape (loads, inputs).
         weighted: J^T R^-1 of the sensors' rows, shape (inputs, rows).
-        own_noise: Shape (all rows, all rows).
+        own_noise: Covariance of the sensors' noise, shape (all rows, all rows).
         members: Rows that are present, shape (rows,).
         residuals: Measured minus estimated of these rows, shape (rows,).
-        noise: Filled, shape (forces, forces); the forces are the last inputs.
 
     Returns:
-        The residuals' squares, weighted by the noise.
+        Covariance, shape (loads, loads), and the sum of squares.
     """
-    count, rows = len(noise), len(members)
-    gain, present = np.empty((count, rows)), np.empty((rows, rows))
-    product(covariance[len(covariance) - count :], weighted, gain)
+    count, rows = len(covariance), len(members)
+    gain, present, noise = np.empty((count, rows)), np.empty((rows, rows)), np.zeros((count, count))
+    product(covariance, weighted, gain)
     for r in range(rows):
         for c in range(rows):
             present[r, c] = own_noise[members[r], members[c]]
-    noise.fill(0.0)
     add_congruence(1.0, gain, present, noise)
     lower, weighed, squares = np.empty((rows, rows)), residuals.copy(), 0.0
     factorise(present, lower)
     solve_factored(lower, weighed)
     for r in range(rows):
         squares += residuals[r] * weighed[r]
-    return squares
+    return noise, squares

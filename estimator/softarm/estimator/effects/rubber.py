@@ -242,7 +242,7 @@ LOCAL_STIFFNESS_DEFECT = Effect(
     statement="The wall of {where} is defective on one side, over {width} of its circumference: its bending "
     "stiffness about the axis at {azimuth} is {depth:higher|lower}, and it bends about that axis when it is "
     "stretched.",
-    source="Stiffness of a thin ring of which a strip has another modulus",
+    source="A ring of two materials, as beams in S. P. Timoshenko, Strength of Materials, Part I, 1930",
     needs=frozenset({"each_chamber"}),
     splits=(
         ("chamber_gain", "bend the arm by gravity, mount turned"),
