@@ -106,6 +106,21 @@ def test_wrong_use_names_the_help_to_read(capsys: pytest.CaptureFixture[str]) ->
 @pytest.mark.parametrize(
     "words",
     [
+        ["demo", "--port", "70000"],
+        ["page", "--arm", "sopra", "--port", "70000"],
+        ["doctor", "--discover", "127.0.0.1:70000"],
+        ["serve", "--config", "sopra.toml", "--speed", "0"],
+    ],
+)
+def test_a_number_out_of_range_is_wrong_use(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.run(words) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert words[-1] in line or "1 to 65535" in line
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
         ["diagnose", "run", "--out", "file"],
         ["plot", "run", "--out", "file"],
         ["estimate", "run", "--plots", "file"],

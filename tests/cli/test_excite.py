@@ -30,7 +30,8 @@ def test_a_dry_run_prints_the_whole_menu(capsys: pytest.CaptureFixture[str]):
 @pytest.mark.parametrize(
     ("words", "status", "told"),
     [
-        ([], 2, "no arm is given"),
+        ([], 2, "give either --arm ID"),
+        (["--arm", "sopra", "--fake"], 2, "give either --arm ID"),
         (["--dry-run", "--manoeuvre", "dance"], 2, "choose from: growing_cycles"),
         (["--dry-run", "--report", "/nonexistent"], 2, "there is no such report"),
         (["--arm", "nobody", "--endpoint", "tcp/127.0.0.1:1"], 1, "tcp/127.0.0.1:1"),

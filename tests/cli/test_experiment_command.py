@@ -17,6 +17,8 @@ REFUSED = {
     ),
     "a scenario, recorded": (["all", "--fake", "--scenario", "day.toml"], "--scenario needs --fake"),
     "arms of one arm": (["force", "--arm", "sopra", "--seeds", "2"], "--seeds needs --fake"),
+    "a specimen that is not there": (["force", "--fake", "--specimen", "sopraa"], "did you mean 'sopra'?"),
+    "the same, recorded": (["all", "--fake", "--specimen", "sopraa"], "did you mean 'sopra'?"),
     "all on an arm": (["all", "--arm", "sopra"], "run each experiment on its own"),
 }
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import folder_option, json_option, progress, say, show
+from softarm.cli.output import PORT, folder_option, json_option, progress, say, show
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Table
 from softarm.experiments.rig import PATIENCE, FakeRig, Process, RigSettings
@@ -16,7 +16,7 @@ TOLERANCE_PERCENT = 2.0
 
 @click.command()
 @click.option("--once", is_flag=True, help="Exit after the table instead of staying up.")
-@click.option("--port", default=8080, show_default=True, help="TCP port of the operator page.")
+@click.option("--port", type=PORT, default=8080, show_default=True, help="TCP port of the operator page.")
 @folder_option("Folder for the recording, the plot and the logs.", "out/demo")
 @json_option
 def command(once: bool, port: int, out: Path, as_json: bool) -> int:

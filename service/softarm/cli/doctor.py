@@ -159,10 +159,11 @@ def command(path: Path | None, seconds: float, discover: str | None, as_json: bo
 def _discover(address: str, *, as_json: bool) -> int:
     """List the Qualisys hosts at an address; the status is 1 when none answers."""
     host, _, port = address.partition(":")
-    if port and not port.isdecimal():
-        raise click.UsageError(f"the port in {address} is not a number")
+    number = int(port) if port.isdecimal() else 0 if port else discovery.DISCOVERY_PORT
+    if not 1 <= number <= 65535:
+        raise click.UsageError(f"the port in {address} is no number from 1 to 65535")
     try:
-        hosts = asyncio.run(discovery.discover(host, int(port) if port else discovery.DISCOVERY_PORT))
+        hosts = asyncio.run(discovery.discover(host, number))
     except OSError as error:
         raise WorkFailedError(f"{address} cannot be reached: {error.strerror or error}") from None
     rows: list[dict[str, Cell]] = [

@@ -84,12 +84,11 @@ def command(
 
     Example: softarm excite --arm sopra --report out/diagnosis --dry-run
     """
-    from softarm.estimator.errors import InputError
     from softarm.experiments.excitation import run_excitation, slew_of, specimen_of_arm
     from softarm.experiments.excitation_plan import DEFAULT_SLEW, manoeuvres_of
 
-    if not (arm or fake or dry_run):
-        raise InputError("softarm excite", "no arm is given", "give --arm ID, --fake or --dry-run")
+    if (arm and fake) or not (arm or fake or dry_run):
+        raise click.UsageError("give either --arm ID, --fake or --dry-run")
     with ExitStack() as stack:
         client = None if dry_run else _connect(stack, arm, endpoint, zenoh_config, out, specimen)
         robot = _offline_specimen(specimen, report) if client is None else specimen_of_arm(client)

@@ -8,6 +8,7 @@ import click
 
 from softarm.cli.output import PATH, folder_option, force_option, json_option, progress, say, show
 from softarm.common.tables import as_markdown
+from softarm.estimator.specimen import load_specimen
 
 if TYPE_CHECKING:
     from softarm.experiments.live import LiveRigSettings
@@ -26,7 +27,7 @@ def command() -> None:
 
 def _common(command: Command) -> Command:
     """Add what every experiment takes."""
-    for option in (
+    options = (
         click.option("--fake", is_flag=True, help="Run on a simulated arm, which the command starts."),
         click.option("--arm", metavar="ID", help="Run on the arm of a running service."),
         click.option("--endpoint", help="zenoh endpoint of that service."),
@@ -49,7 +50,7 @@ def _common(command: Command) -> Command:
             "first unless --specimen is given. By default the demo's arm alone.",
         ),
         click.option(
-            "--jobs", type=click.IntRange(1), help="Number of processes; by default one per processor."
+            "--jobs", "-j", type=click.IntRange(1), help="Number of processes; by default one per processor."
         ),
         click.option(
             "--specimen", "-s", metavar="S", help="Calibrated specimen; used without calibrating again."
@@ -61,7 +62,8 @@ def _common(command: Command) -> Command:
             "Folder for recordings, plots, tables and the calibrated specimens.", "out/experiments"
         ),
         json_option,
-    ):
+    )
+    for option in reversed(options):  # Click lists the one that is added last first
         command = option(command)
     return command
 
@@ -129,6 +131,8 @@ def _run(
         raise click.UsageError("--recorded needs --fake")
     if scenario is not None and (recorded or not fake):
         raise click.UsageError("--scenario needs --fake and excludes --recorded")
+    if specimen is not None:
+        load_specimen(specimen)  # refuses a wrong one before anything is started
     if not recorded:
         from softarm.experiments.live import LiveRigSettings
 

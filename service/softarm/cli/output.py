@@ -22,6 +22,8 @@ FOLDER = click.Path(path_type=Path, file_okay=False)
 """Type of an option that is a folder to write into."""
 PICTURE = click.Path(path_type=Path, dir_okay=False)
 """Type of an option that is a picture to write."""
+PORT = click.IntRange(1, 65535)
+"""Type of an option that is a TCP port."""
 LINE_EVERY_S = 10.0
 """Time between two lines of progress where stderr is no terminal."""
 LEAST_SHARE = 0.02

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from softarm.cli.output import PATH, say, specimen_option
+from softarm.cli.output import PATH, PORT, say, specimen_option
 from softarm.cli.signals import ENDING, awaiting_signals
 from softarm.daemon.config import load_config
 from softarm.daemon.settings import PageSettings
@@ -41,7 +41,7 @@ AGAIN_S = 1.0
 @specimen_option
 @click.option("--endpoint", help=f"zenoh endpoint of its service.  [default: {DEFAULT_ENDPOINT}]")
 @click.option("--host", help="Address to serve the page on.  [default: 127.0.0.1]")
-@click.option("--port", type=int, help="Its TCP port.  [default: 8080]")
+@click.option("--port", type=PORT, help="Its TCP port.  [default: 8080]")
 @click.option("--zenoh", "zenoh_config", type=PATH, help="JSON5 file with credentials.")
 @click.option(
     "--origin",

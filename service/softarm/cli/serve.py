@@ -39,7 +39,11 @@ SWITCH_S = 2e-4
 @click.option("--config", "path", required=True, type=PATH, help="The service's TOML file.")
 @click.option("--replay", type=PATH, help="Play this recording instead of the instruments.")
 @click.option(
-    "--speed", default=1.0, show_default=True, help="Speed of the replay; 2 is twice as fast as recorded."
+    "--speed",
+    type=click.FloatRange(min=0.0, min_open=True),
+    default=1.0,
+    show_default=True,
+    help="Speed of the replay; 2 is twice as fast as recorded.",
 )
 @click.option("--verbose", is_flag=True, help="Log every command and every attempt to connect as well.")
 def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> None:

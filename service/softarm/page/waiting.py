@@ -8,7 +8,7 @@ import viser
 from softarm.estimator.specimen import Specimen
 from softarm.page.text import plain
 from softarm_client import Arm
-from softarm_client.errors import ClientError
+from softarm_client.errors import ClientError, SetupError
 from softarm_client.messages import Surface
 
 
@@ -53,6 +53,9 @@ def wait_for_arm(
 
     Returns:
         The arm, or ``None`` where the wait was ended.
+
+    Raises:
+        SetupError: No client can be opened as it is configured, however long the page waits.
     """
     shown = server.gui.add_markdown("")
     client, said = None, ""
@@ -60,6 +63,8 @@ def wait_for_arm(
         try:
             client = client or connect()
             arm = ask_arm(client)
+        except SetupError:
+            raise
         except ClientError as error:
             text = f"waiting for the service: {error}"
             if text != said:

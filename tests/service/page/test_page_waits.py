@@ -16,7 +16,7 @@ pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 from softarm.page.server import page_server
 from softarm.page.waiting import ask_arm, wait_for_arm
 from softarm_client import Arm
-from softarm_client.errors import UnreachableError
+from softarm_client.errors import SetupError, UnreachableError
 from tests.service.page.test_server import free_port
 
 
@@ -67,6 +67,14 @@ def test_a_wait_that_is_ended_opens_nothing(server):
         raise UnreachableError("network", "nothing answers", "start it")
 
     assert wait_for_arm(server, connect, lambda _: None, lambda: True) is None
+
+
+def test_an_address_that_never_answers_is_not_waited_for(server):
+    def connect():
+        return Arm("page", "nonsense")
+
+    with pytest.raises(SetupError, match="nonsense"):
+        wait_for_arm(server, connect, lambda _: None, lambda: True)
 
 
 @contextlib.contextmanager
