@@ -7,10 +7,9 @@ from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from softarm.analysis.offline.track import State, Track
-from softarm.analysis.plots.figures import blank
+from softarm.analysis.plots.figures import MM_PER_M, blank
 from softarm.estimator.arrays import Floats
 
-MILLI = 1e3
 FORCE_LENGTH = 0.25  # of the arm's length, for the largest force shown
 VIEW = (12.0, -60.0)
 
@@ -27,10 +26,10 @@ def draw_arms(track: Track[State], title: str, surface: Callable[[State], Floats
         axes = figure.add_subplot(rows, columns, number, projection="3d")
         if surface is not None:
             polygons = Poly3DCollection(
-                surface(state) * MILLI, facecolor="#b8cbe0", edgecolor="#5b7594", linewidths=0.15
+                surface(state) * MM_PER_M, facecolor="#b8cbe0", edgecolor="#5b7594", linewidths=0.15
             )
             axes.add_collection3d(polygons)
-        positions = track.frames.positions[index] * MILLI
+        positions = track.frames.positions[index] * MM_PER_M
         axes.plot(*positions.T, "o-", color="black", markersize=2, linewidth=0.8)
         _draw_axes(axes, positions, track.frames.rotations[index], extent)
         _draw_forces(axes, track, index, largest, extent)
@@ -45,7 +44,7 @@ def draw_arms(track: Track[State], title: str, surface: Callable[[State], Floats
 
 def _extent(track: Track[State]) -> float:
     """Return half the edge of a cube that holds every pose [mm]."""
-    reach = float(np.nanmax(np.abs(track.frames.positions))) * MILLI
+    reach = float(np.nanmax(np.abs(track.frames.positions))) * MM_PER_M
     return 0.55 * reach + 5.0
 
 
@@ -61,7 +60,7 @@ def _draw_forces(axes: object, track: Track[State], index: int, largest: float, 
     for number, load in enumerate(track.loads):
         if load.section is None or load.kind != "force":
             continue
-        start = track.frames.positions[index, track.sections.index(load.section)] * MILLI
+        start = track.frames.positions[index, track.sections.index(load.section)] * MM_PER_M
         scale = 4 * FORCE_LENGTH * extent * track.forces[index, number] / largest
         arrow = np.array(load.direction) * scale
         axes.quiver(*start, *arrow, color="crimson", linewidth=1.6)  # type: ignore[attr-defined]

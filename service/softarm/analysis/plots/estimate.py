@@ -9,10 +9,8 @@ from matplotlib.figure import Figure
 from softarm.analysis.offline.result import residuals_by_unit
 from softarm.analysis.offline.track import State, Track
 from softarm.analysis.plots.arm import draw_arms
-from softarm.analysis.plots.figures import label, save, stacked
+from softarm.analysis.plots.figures import MM_PER_M, label, save, stacked
 from softarm.estimator.arrays import Floats
-
-MILLI = 1e3
 
 
 def plot_track(
@@ -70,8 +68,8 @@ def draw_sections(track: Track[State], title: str) -> Figure:
     for place, index in enumerate(moving):
         name = track.sections[index]
         for axis, letter in enumerate("xyz"):
-            values = track.frames.positions[:, index, axis] * MILLI
-            deviation = track.frame_std[:, index, axis] * MILLI
+            values = track.frames.positions[:, index, axis] * MM_PER_M
+            deviation = track.frame_std[:, index, axis] * MM_PER_M
             all_axes[2 * place].plot(track.run.time, values, linewidth=0.9, label=letter)
             all_axes[2 * place].fill_between(
                 track.run.time, values - 2 * deviation, values + 2 * deviation, alpha=0.25, linewidth=0

@@ -4,10 +4,8 @@ from pathlib import Path
 
 import numpy as np
 
-from softarm.analysis.plots.figures import label, save, stacked
+from softarm.analysis.plots.figures import KPA_PER_PA, label, save, stacked
 from softarm.estimator.excitation import ExcitationPlan
-
-KILO = 1e-3
 
 
 def plot_plan(plan: ExcitationPlan, path: Path) -> Path:
@@ -17,7 +15,7 @@ def plot_plan(plan: ExcitationPlan, path: Path) -> Path:
         manoeuvre = choice.manoeuvre
         for chamber, column in enumerate(manoeuvre.pressures.T):
             if np.any(column > 0.0):
-                panel.plot(manoeuvre.times, KILO * column, linewidth=0.9, label=f"chamber {chamber}")
+                panel.plot(manoeuvre.times, KPA_PER_PA * column, linewidth=0.9, label=f"chamber {chamber}")
         panel.set_xlabel("s", fontsize=8)
         label(panel, f"{manoeuvre.name}: {manoeuvre.by_hand or manoeuvre.shows}", "kPa")
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -12,6 +12,8 @@ WIDTH = 10.0  # inches
 PANEL_HEIGHT = 1.9
 DOTS_PER_INCH = 110
 FEW_LINES = 8
+MM_PER_M = 1e3
+KPA_PER_PA = 1e-3
 
 
 def stacked(rows: int, *, share: bool = True) -> tuple[Figure, list[Axes]]:

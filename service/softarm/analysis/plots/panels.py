@@ -5,12 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from softarm.analysis.plots.figures import KPA_PER_PA, MM_PER_M
 from softarm.estimator.arrays import Floats
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions, log
-
-KILO = 1e-3
-MILLI = 1e3
 
 
 @dataclass(frozen=True)
@@ -69,7 +67,7 @@ def _pressures(recording: Recording) -> Iterator[PlotPanel]:
             (f"pressure_cmd_{chamber}_pa", f"chamber {chamber} commanded", True),
         ):
             if name in recording.columns:
-                lines.append(PlotLine(label, recording.columns[name] * KILO, dashed))
+                lines.append(PlotLine(label, recording.columns[name] * KPA_PER_PA, dashed))
     yield PlotPanel("Pressure, gauge", "kPa", tuple(lines), moves=False)
 
 
@@ -84,7 +82,7 @@ def _bends(recording: Recording) -> Iterator[PlotPanel]:
 def _poses(recording: Recording) -> Iterator[PlotPanel]:
     for section in recording.frames:
         pose = recording.pose(section)
-        moved = (pose[:, :3] - _first(pose[:, :3])) * MILLI
+        moved = (pose[:, :3] - _first(pose[:, :3])) * MM_PER_M
         vectors = _rotation_vectors(pose[:, 3:])
         yield PlotPanel(f"Position of {section}, from the first sample", "mm", _axes(moved))
         yield PlotPanel(f"Rotation of {section}, from the first sample", "degrees", _axes(vectors))
@@ -105,7 +103,7 @@ def _markers(recording: Recording) -> Iterator[PlotPanel]:
         lines = []
         for name in recording.markers:
             positions = recording.marker(name)
-            lines.append(PlotLine(name, (positions[:, axis] - _first(positions)[axis]) * MILLI))
+            lines.append(PlotLine(name, (positions[:, axis] - _first(positions)[axis]) * MM_PER_M))
         yield PlotPanel(f"Markers along {letter}, from the first sample", "mm", tuple(lines))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.signal import welch
 
-from softarm.analysis.plots.figures import blank, label, save, stacked
+from softarm.analysis.plots.figures import MM_PER_M, blank, label, save, stacked
 from softarm.analysis.plots.panels import PlotPanel, panels
 from softarm.estimator.arrays import Floats
 from softarm.estimator.recording import Recording
@@ -15,7 +15,6 @@ from softarm.estimator.recording import Recording
 SHORTEST_SPECTRUM = 64  # samples
 GAP_STEPS = 3.0
 """Readings further apart than so many usual steps are drawn with a break between them."""
-MILLI = 1e3
 
 
 def plot_recording(
@@ -147,7 +146,7 @@ def draw_paths(recording: Recording) -> Figure | None:
     if spatial:
         axes = figure.add_subplot(1, count, count, projection="3d")
         for name, positions in spatial.items():
-            axes.plot(*(positions * MILLI).T, linewidth=0.8, label=name)
+            axes.plot(*(positions * MM_PER_M).T, linewidth=0.8, label=name)
         axes.set(xlabel="x [mm]", ylabel="y [mm]", zlabel="z [mm]")
         axes.set_aspect("equal")
         axes.set_box_aspect(None, zoom=0.85)

@@ -8,16 +8,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-from softarm.analysis.plots.figures import blank
+from softarm.analysis.plots.figures import MM_PER_M, blank
 from softarm.estimator.arrays import Floats
 from softarm.estimator.geometry import DEFAULTS, build_mesh
 from softarm.estimator.mesh import ElementSurface, Mesh
+from softarm.estimator.reference_elements import CORNERS
 from softarm.estimator.specimen import Specimen
 
-MILLI = 1e3
 SAME_LEVEL_M = 1e-6
 """Nodes of a swept body lie in levels; those of one level differ by rounding only."""
-CORNERS = {"tri3": 3, "tri6": 3, "quad4": 4, "quad8": 4}
 COLOURS = ("#1b7f79", "#d95f02", "#7570b3", "#e7298a", "#66a61e", "#a6761d")
 
 
@@ -42,7 +41,7 @@ def draw_specimen(specimen: Specimen) -> Figure:
 
 
 def _draw_body(axes: Any, specimen: Specimen, mesh: Mesh) -> None:
-    points = mesh.points * MILLI
+    points = mesh.points * MM_PER_M
     for name, surface in mesh.surfaces.items():
         facets = points[surface.facets[:, : CORNERS[surface.kind]]]
         outer = name == "outer"
@@ -58,12 +57,14 @@ def _draw_body(axes: Any, specimen: Specimen, mesh: Mesh) -> None:
     axes.view_init(10.0, -60.0)
     axes.tick_params(labelsize=6)
     for section in specimen.sections:
-        axes.text(high[0] * 1.4, 0.0, MILLI * 0.5 * (section.from_m + section.to_m), section.name, fontsize=8)
+        axes.text(
+            high[0] * 1.4, 0.0, MM_PER_M * 0.5 * (section.from_m + section.to_m), section.name, fontsize=8
+        )
 
 
 def _draw_cross_section(axes: Axes, mesh: Mesh, height: float) -> None:
     for name, surface in sorted(mesh.surfaces.items(), key=lambda one: one[0] != "outer"):  # the body first
-        points = MILLI * _ring(mesh, surface, height)
+        points = MM_PER_M * _ring(mesh, surface, height)
         if len(points):
             colour = "#b8cbe0" if name == "outer" else _colour(name)
             axes.fill(points[:, 0], points[:, 1], facecolor=colour, edgecolor="#333333", linewidth=0.8)
