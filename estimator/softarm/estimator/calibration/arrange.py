@@ -144,11 +144,15 @@ def gravity_of(recording: Recording, specimen: Specimen) -> Floats:
     """Return gravity in the base frame [m/s2], shape (3,): the recording's own, else the specimen's.
 
     Raises:
-        InputError: The recording's is not three numbers.
+        InputError: The recording's is not three finite numbers.
     """
-    gravity = np.array(recording.info.get("gravity_m_s2", specimen.gravity_m_s2), dtype=np.float64)
-    if gravity.shape != (3,):
-        raise InputError(f"{recording.name}, gravity_m_s2", "is not three numbers", "give x, y and z")
+    given = recording.info.get("gravity_m_s2", specimen.gravity_m_s2)
+    try:
+        gravity = np.array(given, dtype=np.float64)
+    except (TypeError, ValueError):
+        gravity = np.empty(0)
+    if gravity.shape != (3,) or not np.isfinite(gravity).all():
+        raise InputError(f"{recording.name}, gravity_m_s2", f"is {given}", "give x, y and z in m/s2")
     return gravity
 
 

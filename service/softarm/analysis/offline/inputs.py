@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
+from softarm.estimator.calibration.arrange import gravity_of
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake import Intake, take_in
 from softarm.estimator.recording import Recording
@@ -119,10 +120,6 @@ def in_its_mount(specimen: Specimen, recording: Recording) -> Specimen:
     Raises:
         InputError: It is not three finite numbers.
     """
-    recorded = recording.info.get("gravity_m_s2")
-    if recorded is None:
+    if "gravity_m_s2" not in recording.info:
         return specimen
-    gravity = np.asarray(recorded, dtype=object)
-    if gravity.shape != (3,) or not all(isinstance(g, int | float) and np.isfinite(g) for g in gravity):
-        raise InputError(f"{recording.name}, gravity_m_s2", f"is {recorded}", "give x, y and z in m/s2")
-    return specimen.model_copy(update={"gravity_m_s2": tuple(float(g) for g in gravity)})
+    return specimen.model_copy(update={"gravity_m_s2": tuple(gravity_of(recording, specimen).tolist())})
