@@ -13,8 +13,6 @@ from softarm.fakes.plant.state import Cord, PlantInputs
 from softarm.fakes.scenario import check_scenario
 from softarm.fakes.still import StillArm
 
-TAUT = Cord("tip", (0.0, 0.0, -0.5), 0.2)
-
 
 def make(kind, **keys):
     part = check_scenario({"device": [{"name": "it", "kind": kind, **keys}]}).device[0]

@@ -28,7 +28,7 @@ def sampled(rod, loads: np.ndarray) -> Samples:
     none = np.zeros((count, links, 6, 6 + loads.shape[1]))
     return Samples(
         np.zeros((count, 6)), loads, np.zeros((count, 3)), places, turns, none, np.ones((count, links)),
-        np.ones(count), np.arange(count),
+        np.ones(count),
     )  # fmt: skip
 
 

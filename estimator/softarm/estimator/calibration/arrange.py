@@ -7,7 +7,6 @@ from difflib import get_close_matches
 import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
-from softarm.estimator.calibration.gaps import interpolate
 from softarm.estimator.calibration.pulls import LEAST_PULL, known_pulls
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Load
@@ -15,6 +14,7 @@ from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import exp, from_quaternions, mean_rotation, without_jumps
 from softarm.estimator.sensing import Measurement, Registration, SensorSuite, register
 from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.series import interpolate
 from softarm.estimator.specimen import Specimen
 
 SYSTEMATIC_SHARE = 0.25  # of a marker's noise that stays however many readings are averaged

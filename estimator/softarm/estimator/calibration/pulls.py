@@ -11,11 +11,11 @@ from itertools import pairwise
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.calibration.gaps import LONGEST_BRIDGE, interpolate
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Load, loads_along
 from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import Registration
+from softarm.estimator.series import LONGEST_BRIDGE, interpolate
 from softarm.estimator.specimen import Specimen
 
 # Name of the marker on a gauge's hook.

@@ -15,6 +15,7 @@ from softarm.estimator.model import Load
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.series import window_means
 from softarm.estimator.specimen import Specimen
 
 BLOCK = 10.0
@@ -94,14 +95,14 @@ def averaged(session: Session, step: float) -> Session:
     windows = ((session.clock - session.clock[0]) / (count * session.step) + 1e-9).astype(np.int64)
     numbers, places = np.unique(windows, return_inverse=True)
     size = len(numbers)
-    readings = _means(session.readings, places, size)
-    clock = _means(session.clock[:, None], places, size)[:, 0]
+    readings = window_means(session.readings, places, size)
+    clock = window_means(session.clock[:, None], places, size)[:, 0]
     mean = replace(
         session,
         clock=clock,
-        pressures=_means(session.pressures, places, size),
-        gravity=_means(session.gravity, places, size),
-        wrenches=_means(session.wrenches.reshape(session.samples, -1), places, size).reshape(
+        pressures=window_means(session.pressures, places, size),
+        gravity=window_means(session.gravity, places, size),
+        wrenches=window_means(session.wrenches.reshape(session.samples, -1), places, size).reshape(
             size, *session.wrenches.shape[1:]
         ),
         readings=_unit(session.suite, readings),
@@ -219,16 +220,6 @@ def _unit(suite: SensorSuite, readings: Floats) -> Floats:
     for orientations in _orientations(suite):
         out[:, orientations] /= np.linalg.norm(out[:, orientations], axis=1, keepdims=True)
     return out
-
-
-def _means(columns: Floats, places: NDArray[np.int64], count: int) -> Floats:
-    means = np.full((count, columns.shape[1]), np.nan)
-    for index, column in enumerate(columns.T):
-        observed = np.isfinite(column)
-        members = np.bincount(places[observed], minlength=count)
-        total = np.bincount(places[observed], column[observed], count)
-        means[members > 0, index] = total[members > 0] / members[members > 0]
-    return means
 
 
 def _rows(session: Session) -> Floats:

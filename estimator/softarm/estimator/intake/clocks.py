@@ -24,6 +24,7 @@ from softarm.estimator.intake.law import first_order
 from softarm.estimator.intake.result import MOTION, RecordingFault
 from softarm.estimator.intake.streams import streams_of
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import nearest
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.statistics import correlation_length
 
@@ -372,8 +373,4 @@ def moved_pressures(recording: Recording, lag: float) -> Recording:
 
 def _moved(time: Floats, values: Floats, by: float) -> Floats:
     """Take each value from ``by`` seconds before, the nearest reading, NaN beyond the ends."""
-    wanted = time - by
-    after = np.clip(np.searchsorted(time, wanted), 1, len(time) - 1)
-    nearest = np.where(time[after] - wanted < wanted - time[after - 1], after, after - 1)
-    step = float(np.median(np.diff(time)))
-    return np.where(np.abs(time[nearest] - wanted) <= step, values[nearest], np.nan)
+    return nearest(time - by, time, values, float(np.median(np.diff(time))))

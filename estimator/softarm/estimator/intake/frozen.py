@@ -12,10 +12,10 @@ from itertools import pairwise
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.intake.grid import means
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import window_means
 from softarm.estimator.specimen import Specimen
 
 SHORTEST = 5.0
@@ -93,7 +93,7 @@ def _returned(time: Floats, stream: SampledStream, begin: float, end: float) -> 
     inside = (time >= begin) & (time <= end)
     values = stream.values[inside]
     windows = ((time[inside] - begin) / WINDOW).astype(np.int64)
-    averaged = means(values, windows, int(windows[-1]) + 1)
+    averaged = window_means(values, windows, int(windows[-1]) + 1)
     for column, raw, unit in zip(averaged.T, values.T, stream.units, strict=True):
         seen = np.flatnonzero(np.isfinite(column))
         if len(seen) < 3:

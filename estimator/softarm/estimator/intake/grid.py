@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.streams import SampledStream
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import window_means
 
 
 @dataclass(frozen=True)
@@ -60,20 +61,11 @@ def grid_of(recording: Recording, streams: tuple[SampledStream, ...], step: floa
     return Grid(
         recording.time[0] + (np.arange(count) + 0.5) * step,
         step,
-        _filled(means(pressures_of(recording), edges, count)),
-        means(values, edges, count),
+        _filled(window_means(pressures_of(recording), edges, count)),
+        window_means(values, edges, count),
         np.concatenate([*numbers, np.zeros(0, dtype=np.int64)]).astype(np.int64),
         tuple(units),
     )
-
-
-def means(values: Floats, windows: NDArray[np.int64], count: int) -> Floats:
-    """Average rows by window, NaN where a window holds no reading, shape (count, columns)."""
-    valid = np.isfinite(values)
-    sums, numbers = np.zeros((count, values.shape[1])), np.zeros((count, values.shape[1]))
-    np.add.at(sums, windows, np.where(valid, values, 0.0))
-    np.add.at(numbers, windows, valid)
-    return np.where(numbers > 0, sums / np.maximum(numbers, 1), np.nan)
 
 
 def _filled(columns: Floats) -> Floats:

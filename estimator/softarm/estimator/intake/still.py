@@ -13,10 +13,11 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.diagnosis.stuck import ASKED, LEAST, REPEATED
-from softarm.estimator.intake.grid import means, pressures_of
+from softarm.estimator.intake.grid import pressures_of
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.intake.streams import QUIET, SPREAD, SampledStream, streams_of
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import window_means
 from softarm.estimator.specimen import Specimen
 
 WINDOW = 0.25
@@ -219,8 +220,8 @@ def _unmoved(recording: Recording, specimen: Specimen) -> list[Still]:
     streams = [stream for stream in streams if stream.target not in recording.frames]
     bends = [
         BendAxes(
-            means(stream.values, windows, int(windows[-1]) + 1),
-            means(_drive(recording, specimen, stream.target), windows, int(windows[-1]) + 1),
+            window_means(stream.values, windows, int(windows[-1]) + 1),
+            window_means(_drive(recording, specimen, stream.target), windows, int(windows[-1]) + 1),
         )
         for stream in streams
     ]

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel, Settings
 from softarm.estimator.fem.linalg.cholesky import StiffnessFactor
 from softarm.estimator.fem.statics.continuation import Waypoint, between, extrapolate, path_velocity
@@ -44,7 +44,6 @@ class Samples:
         twists: Their twists per unit of each pressure, then each load, shape (samples, stations, 6, inputs).
         factors: Stiffness factor of each link, shape (samples, links).
         softness: Rotation per load over that at rest, shape (samples,).
-        ray: Ray that each sample lies on, shape (samples,).
     """
 
     pressures: Floats
@@ -55,7 +54,6 @@ class Samples:
     twists: Floats
     factors: Floats
     softness: Floats
-    ray: Indices
 
     def __len__(self) -> int:
         return len(self.pressures)
@@ -129,7 +127,7 @@ def draw_samples(
 
     samples: list[tuple[Floats, ...]] = []
     for index, states in enumerate(map(walk, rays) if executor is None else executor.map(walk, rays)):
-        samples += [(*state, np.array(index)) for state in states]
+        samples += states
         if progress is not None:
             progress(index + 1, len(rays))
     return Samples(*(np.array(column) for column in zip(*samples, strict=True)))

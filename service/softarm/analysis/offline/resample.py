@@ -3,11 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.errors import InputError
+from softarm.estimator.series import window_means
 
 
 def resample(run: CalibrationRun, rate: float) -> CalibrationRun:
@@ -32,19 +31,8 @@ def resample(run: CalibrationRun, rate: float) -> CalibrationRun:
     numbers, places = np.unique(windows, return_inverse=True)
     return replace(
         run,
-        time=_means(run.time[:, None], places, len(numbers))[:, 0],
-        pressures=_means(run.pressures, places, len(numbers)),
-        readings=_means(run.readings, places, len(numbers)),
-        loads=_means(run.loads, places, len(numbers)),
+        time=window_means(run.time[:, None], places, len(numbers))[:, 0],
+        pressures=window_means(run.pressures, places, len(numbers)),
+        readings=window_means(run.readings, places, len(numbers)),
+        loads=window_means(run.loads, places, len(numbers)),
     )
-
-
-def _means(columns: Floats, places: NDArray[np.int64], count: int) -> Floats:
-    """Average columns, shape (samples, columns), over groups of samples, lost readings left out."""
-    means = np.full((count, columns.shape[1]), np.nan)
-    for index, column in enumerate(columns.T):
-        valid = np.isfinite(column)
-        total = np.bincount(places[valid], column[valid], count)
-        members = np.bincount(places[valid], minlength=count)
-        means[members > 0, index] = total[members > 0] / members[members > 0]
-    return means

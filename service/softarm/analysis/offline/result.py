@@ -10,6 +10,7 @@ from softarm.analysis.offline.track import STATUSES, State, Track
 from softarm.estimator.arrays import Floats
 from softarm.estimator.recording import POSE_SUFFIXES, Recording
 from softarm.estimator.rotations import to_quaternions
+from softarm.estimator.series import nearest
 
 Cells = dict[str, str | int | float | bool | None]
 AXES = "xyz"
@@ -30,10 +31,13 @@ def as_recording(track: Track[State], source: Recording, info: Mapping[str, Any]
         source: The recording that was estimated.
         info: What else ``recording.toml`` should say.
     """
-    columns: dict[str, Floats] = {}
-    for name, values in source.columns.items():
-        if not name.startswith("estimate_"):
-            columns[name] = _nearest(source.time, values, track.run.time)
+    wanted = track.run.time
+    reach = 0.51 * float(np.median(np.diff(wanted))) if len(wanted) > 1 else np.inf
+    columns: dict[str, Floats] = {
+        name: nearest(wanted, source.time, values, reach)
+        for name, values in source.columns.items()
+        if not name.startswith("estimate_")
+    }
     columns |= _forces(track) | _frames(track)
     for chamber in range(track.pressures.shape[1]):
         columns[f"estimate_pressure_{chamber}_pa"] = track.pressures[:, chamber]
@@ -149,12 +153,3 @@ def _frames(track: Track[State]) -> dict[str, Floats]:
             name = f"estimate_frame_{section}_{AXES[number % 3]}_std_{unit}"
             columns[name] = track.frame_std[:, index, number]
     return columns
-
-
-def _nearest(time: Floats, values: Floats, wanted: Floats) -> Floats:
-    """Return the reading nearest to each wanted time, NaN where it lies further than half a step away."""
-    after = np.clip(np.searchsorted(time, wanted), 0, len(time) - 1)
-    before = np.clip(after - 1, 0, len(time) - 1)
-    closer = np.where(np.abs(time[before] - wanted) <= np.abs(time[after] - wanted), before, after)
-    reach = 0.51 * float(np.median(np.diff(wanted))) if len(wanted) > 1 else np.inf
-    return np.where(np.abs(time[closer] - wanted) <= reach, values[closer], np.nan)

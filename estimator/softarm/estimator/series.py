@@ -1,0 +1,58 @@
+"""Time series: readings of streams that do not share their times, brought to common ones."""
+
+import numpy as np
+
+from softarm.estimator.arrays import Floats, Indices
+
+LONGEST_BRIDGE = 0.25  # s; over a longer gap nothing is known
+
+
+def interpolate(wanted: Floats, time: Floats, values: Floats) -> Floats:
+    """Interpolate a column, NaN where the readings on either side lie too far apart.
+
+    Args:
+        wanted: Times at which it is wanted [s], shape (wanted,).
+        time: Times of the column [s], shape (samples,).
+        values: The column, NaN where there is no reading, shape (samples,).
+    """
+    observed = np.isfinite(values)
+    if not observed.any():
+        return np.full(len(wanted), np.nan)
+    times, readings = time[observed], values[observed]
+    result = np.interp(wanted, times, readings)
+    after = np.clip(np.searchsorted(times, wanted), 0, len(times) - 1)
+    before = np.clip(after - 1, 0, len(times) - 1)
+    nearest = np.minimum(np.abs(times[after] - wanted), np.abs(wanted - times[before]))
+    return np.where(nearest > LONGEST_BRIDGE, np.nan, result)
+
+
+def nearest(wanted: Floats, time: Floats, values: Floats, reach: float) -> Floats:
+    """Return the reading nearest to each wanted time, NaN where it lies further than ``reach`` away.
+
+    Args:
+        wanted: Times at which it is wanted [s], shape (wanted,).
+        time: Times of the column [s], shape (samples,).
+        values: The column, shape (samples,).
+        reach: Largest distance [s].
+    """
+    after = np.clip(np.searchsorted(time, wanted), 0, len(time) - 1)
+    before = np.maximum(after - 1, 0)
+    closer = np.where(np.abs(time[before] - wanted) <= np.abs(time[after] - wanted), before, after)
+    return np.where(np.abs(time[closer] - wanted) <= reach, values[closer], np.nan)
+
+
+def window_means(values: Floats, windows: Indices, count: int) -> Floats:
+    """Average the readings of each window, NaN where there is none, shape (windows, columns).
+
+    Args:
+        values: NaN where there is no reading, shape (samples, columns).
+        windows: Window of each sample, shape (samples,).
+        count: Number of windows.
+    """
+    means = np.full((count, values.shape[1]), np.nan)
+    for index, column in enumerate(values.T):
+        observed = np.isfinite(column)
+        members = np.bincount(windows[observed], minlength=count)
+        total = np.bincount(windows[observed], column[observed], count)
+        means[members > 0, index] = total[members > 0] / members[members > 0]
+    return means
