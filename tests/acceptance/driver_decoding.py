@@ -62,7 +62,7 @@ def cases() -> list[DecodingCase]:
 
 
 def load(case: DecodingCase, readings: int) -> dict[str, Cell]:
-    """Make so many readings and tell their cost in time and memory.
+    """Make so many readings and return their cost in time and memory.
 
     Args:
         case: The driver.
@@ -100,18 +100,18 @@ class InstantLink:
         return tuple(self._registers[address : address + count])
 
     async def write(self, address: int, words: Sequence[int]) -> None:
-        """Take set-points into the echo."""
+        """Put set-points into the echo."""
         self._registers[address : address + len(words)] = words
         self._registers[INPUTS + 1 : INPUTS + 3 * len(words) : 3] = words
 
     async def write_one(self, address: int, word: int) -> None:
-        """Take a setting."""
+        """Keep a setting."""
         self._registers[address] = word
 
     async def exchange(
         self, read_address: int, read_count: int, write_address: int, words: Sequence[int]
     ) -> tuple[int, ...]:
-        """Take set-points, give the block."""
+        """Put set-points into the echo, and return the block."""
         await self.write(write_address, words)
         return await self.read(read_address, read_count)
 

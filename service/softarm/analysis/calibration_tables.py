@@ -9,7 +9,7 @@ DEGREES = 57.29577951308232
 
 
 def drift_table(drifts: Sequence[Drift]) -> Table:
-    """Say of each quantity whether it scatters more than the calibration left it."""
+    """List for each quantity whether it scatters more than the calibration left it."""
     stale = [drift.quantity for drift in drifts if drift.stale]
     verdict = (
         f"Stale: {', '.join(stale)}; record each chamber alone, random poses and pulls, and calibrate anew."

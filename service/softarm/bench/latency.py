@@ -153,7 +153,7 @@ def command(seconds: float, model: str | None, quick: bool, as_json: bool) -> in
 
 
 def _refusal() -> str | None:
-    """Say why the service would not run on the rod of the rig's specimen; None when it would."""
+    """Return why the service would not run on the rod of the rig's specimen; None when it would."""
     try:
         with progress("rod") as advance:
             trusted_rod(load_specimen(fake_specimen()), lambda *_: advance(1))
@@ -182,7 +182,7 @@ def stage_rows(case: LatencyCase, measured: Measured) -> list[dict[str, Cell]]:
 
 
 def machine_of(case: LatencyCase) -> str:
-    """Say what else the machine does."""
+    """Describe what else the machine does."""
     return "one process computes" if case.busy else "idle but for the rig"
 
 

@@ -120,7 +120,7 @@ def tables_of(results: Iterable[SeedResult]) -> tuple[Table, ...]:
 
 
 def summary(results: Iterable[SeedResult], way: str = WAY) -> Table:
-    """Say for each aim what came out over all seeds, and whether it is met."""
+    """List for each aim what came out over all seeds, and whether it is met."""
     results, rows = tuple(results), list[Cells]()
     joined = [row for result in results for rows in result.tables.values() for row in rows]
     for name, quantity, pick in _AIMS:

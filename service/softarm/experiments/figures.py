@@ -57,7 +57,7 @@ def pull_figures(gauge: Floats, error: Floats, std: Floats) -> Cells:
 
 
 def without_unit(row: Cells, unit: str) -> Cells:
-    """Take the unit from the headings, for tables whose rows have a unit each."""
+    """Remove the unit from the headings, for tables whose rows have a unit each."""
     return {key.removesuffix(f"_{unit}"): value for key, value in row.items()}
 
 

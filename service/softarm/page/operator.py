@@ -58,13 +58,13 @@ class Operator:
             self._thread.join()
 
     def see(self, state: State) -> None:
-        """Take the newest state of the service."""
+        """Keep the newest state of the service."""
         self._mode = state.mode
         if state.mode != Mode.HOLDING:
             self._holding = False
 
     def press(self) -> None:
-        """Take a sign of life of the dead-man: arm, then teach."""
+        """Handle a sign of life of the dead-man: arm, then teach."""
         if not self._acting.acquire(blocking=False):
             return  # the last one is still being carried out
         try:

@@ -142,7 +142,7 @@ def _kind(field: FieldInfo) -> str:
 
 
 def _words(annotation: Any) -> str:
-    """Say in words what a value of some type is."""
+    """Describe what a value of some type is."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if hasattr(annotation, "__metadata__"):
         return _words(arguments[0])

@@ -53,7 +53,7 @@ class MovingForces:
     def of(
         cls, specimen: Specimen, sections: tuple[str, ...], loads: Sequence[Load], suite: SensorSuite
     ) -> "MovingForces":
-        """Take masses and their places from a specimen."""
+        """Read masses and their places from a specimen."""
         masses = Masses.of(specimen, sections, tuple(part.name for part in specimen.segments))
         return cls(sections, neighbours_of(specimen, sections), masses, loads, suite)
 

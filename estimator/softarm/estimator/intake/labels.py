@@ -153,7 +153,7 @@ def _renamed(
 
 
 def describe(markers: MarkerLayout, labelling: Labelling) -> str:
-    """Say in words which markers bear whose name."""
+    """Describe which markers bear whose name."""
     pairs = [
         f"{markers.names[label]} is named {markers.names[k]}"
         for k, label in enumerate(labelling.labels)

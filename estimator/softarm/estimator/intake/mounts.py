@@ -90,7 +90,7 @@ def _bodies(recording: Recording, specimen: Specimen) -> list[LooseBody]:
 
 
 def _off_rest(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
-    """Say which body lies far off its rest with low pressures; empty where none does."""
+    """Name the body that lies far off its rest with low pressures; empty where none does."""
     calm, most = _calm(recording, specimen)
     for body in bodies:
         own = body.place[calm & np.isfinite(body.place).all(axis=1)]
@@ -101,7 +101,7 @@ def _off_rest(recording: Recording, specimen: Specimen, bodies: list[LooseBody])
 
 
 def _tilted(recording: Recording, specimen: Specimen) -> str:
-    """Say which frame is tilted against its rest with low pressures; empty where none is."""
+    """Name the frame that is tilted against its rest with low pressures; empty where none is."""
     calm, most = _calm(recording, specimen)
     for section in (one for one in specimen.sections if one.name in recording.frames):
         own = recording.pose(section.name)[calm]
@@ -124,7 +124,7 @@ def _calm(recording: Recording, specimen: Specimen) -> tuple[NDArray[np.bool_], 
 
 
 def _turned(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
-    """Say by how much the directions in which pressures bend the arm are rotated, if they are."""
+    """State by how much the directions in which pressures bend the arm are rotated, if they are."""
     chambers = [chamber for chamber in specimen.chambers if chamber.index in recording.chambers]
     plain, mirrored, power = 0.0j, 0.0j, 0.0
     for body in bodies:

@@ -60,5 +60,5 @@ class Unknowns:
         return np.concatenate([inputs.pressures, inputs.loads])
 
     def inputs(self, vector: Floats, gravity: Floats) -> Inputs:
-        """Take a vector apart."""
+        """Split a vector into pressures and loads."""
         return Inputs(vector[: self.chambers], vector[self.chambers :], gravity)

@@ -61,5 +61,5 @@ class Drive:
         return replace(self, eigenstrains=self.eigenstrains + eigenstrains)
 
     def at(self, chosen: Flags | NDArray[np.int64]) -> "Drive":
-        """Take some samples."""
+        """Return some samples."""
         return Drive(*(getattr(self, field.name)[chosen] for field in fields(self)))

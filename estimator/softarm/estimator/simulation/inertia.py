@@ -50,7 +50,7 @@ class Masses:
 
     @classmethod
     def of(cls, specimen: Specimen, sections: tuple[str, ...], segments: tuple[str, ...]) -> "Masses":
-        """Take them from a specimen."""
+        """Read them from a specimen."""
         return cls(
             np.array([specimen.section(name).mass_kg or 0.0 for name in sections]),
             np.array([specimen.segment(name).mass_kg or USUAL for name in segments]),
@@ -211,7 +211,7 @@ def _stable(compliance: Floats, converged: NDArray[np.bool_]) -> NDArray[np.bool
 
 
 def _filled(by_wrench: Floats, converged: NDArray[np.bool_]) -> Floats:
-    """Take the typical compliance where the model found no stable equilibrium."""
+    """Fill in the typical compliance where the model found no stable equilibrium."""
     if converged.all() or not converged.any():
         return by_wrench
     return np.where(converged[:, None, None], by_wrench, np.median(by_wrench[converged], axis=0))

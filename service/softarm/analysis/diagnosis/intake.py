@@ -26,7 +26,7 @@ def take_all_in(
     specimen: Specimen,
     notify: Callable[[str], None] = lambda _: None,
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[Intake, ...], tuple[str, ...]]:
-    """Take recordings in.
+    """Check and mend recordings.
 
     Args:
         suspects: Recordings in question.

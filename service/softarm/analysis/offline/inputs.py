@@ -103,7 +103,7 @@ def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[R
 
 
 def taken_in(recording: Recording, specimen: Specimen, notify: Callable[[str], None]) -> Intake:
-    """Take a recording in: mend its units, labels and clocks, find its events, and report each.
+    """Check and mend a recording: its units, labels and clocks; find its events, and report each.
 
     Raises:
         InputError: It does not fit the specimen and cannot be mended unambiguously.

@@ -159,7 +159,7 @@ class _Inbox:
         return bool(data)
 
     def messages(self) -> Iterator[Any]:
-        """Take the messages that are complete."""
+        """Return the messages that are complete."""
         received = self._received
         while len(received) >= _LENGTH.size:
             end = _LENGTH.size + _LENGTH.unpack_from(received)[0]
