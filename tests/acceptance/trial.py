@@ -119,7 +119,7 @@ class PlantTrial:
 
 @click.command()
 @click.argument("out", type=PATH)
-@click.option("--seed", required=True, type=int, help="Which trial.")
+@click.option("--seed", required=True, type=click.IntRange(0), help="Which trial.")
 @click.option("--kind", default="single", show_default=True, type=click.Choice(KINDS))
 @click.option("--only", multiple=True, help="Draw from these effects only.")
 @click.option("--background", default=1.0, show_default=True, help="Scale of what every arm has anyway.")

@@ -110,6 +110,7 @@ def test_wrong_use_names_the_help_to_read(capsys: pytest.CaptureFixture[str]) ->
         ["page", "--arm", "sopra", "--port", "70000"],
         ["doctor", "--discover", "127.0.0.1:70000"],
         ["serve", "--config", "sopra.toml", "--speed", "0"],
+        ["diagnose", "run", "--seed", "-1"],
     ],
 )
 def test_a_number_out_of_range_is_wrong_use(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:

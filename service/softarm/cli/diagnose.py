@@ -89,7 +89,9 @@ class NominalCommand(click.Command):
 @click.option(
     "--effect", "effects", multiple=True, metavar="NAME", help="Try only this effect; may be repeated."
 )
-@click.option("--seed", type=int, default=0, show_default=True, help="Seed of the random numbers.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Seed of the random numbers."
+)
 @click.option(
     "--jobs", "-j", type=click.IntRange(1), default=2, show_default=True, help="Number of processes."
 )

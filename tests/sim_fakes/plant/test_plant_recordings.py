@@ -229,6 +229,19 @@ def test_an_effect_is_read_from_words() -> None:
             parse_effect(wrong)
 
 
+@pytest.mark.parametrize("words", [["--effect", ""], ["--commands", "commands.csv"]])
+def test_a_run_that_cannot_be_made_or_written_is_refused(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    names = [f"pressure_cmd_{chamber}_pa" for chamber in range(6)]
+    Path("commands.csv").write_text(",".join(["t_s", *names]) + "\n0,0,0,0,0,0,0\n0.1,0,0,0,0,0,0\n")
+    done = CliRunner().invoke(main, ["record", "commands.csv/run", *words])
+    assert isinstance(done.exception, InputError)
+    assert CliRunner().invoke(main, ["record", "run", "--seed", "-1"]).exit_code == 2
+    assert [path.name for path in tmp_path.iterdir()] == ["commands.csv"]
+
+
 def test_the_speed_is_measured() -> None:
     assert real_time_factor("all chambers, taut cord", 0.1) > 0.0
 

@@ -39,9 +39,11 @@ def main() -> None:
     type=click.Choice(list(MOUNTS)),
 )
 @click.option("--effect", "effects", multiple=True, help="Such as 'tip_payload mass=0.02 section=tip'.")
-@click.option("--variant", "arm", type=int, help="Draw another arm of the same drawing.")
+@click.option("--variant", "arm", type=click.IntRange(0), help="Draw another arm of the same drawing.")
 @click.option("--specimen", help="Specimen whose arm to play; SoPrA when left out.")
-@click.option("--seed", default=0, show_default=True, help="Of the manoeuvre and of the noise.")
+@click.option(
+    "--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the manoeuvre and of the noise."
+)
 @click.option("--truth", type=click.Path(path_type=Path), help="Folder for what is concealed.")
 @click.option(
     "--commands",
@@ -94,7 +96,7 @@ def parse_effect(text: str) -> Concealed:
     Raises:
         InputError: A word is not of that form, or a value is not a number.
     """
-    name, *words = text.split()
+    name, *words = text.split() or [""]
     where: dict[str, str | int] = {}
     numbers: dict[str, float] = {}
     for word in words:

@@ -1,5 +1,6 @@
 """Writing a generated recording: the canonical table, what is known of it, and the truth apart."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,6 +9,7 @@ import polars as pl
 import tomli_w
 
 from softarm.estimator.errors import InputError
+from softarm.estimator.files import write_whole
 from softarm.fakes.plant.generate import Generated
 
 SECTION_FORCE = "force_{}_{}_n"
@@ -23,18 +25,21 @@ def write(generated: Generated, folder: Path, truth: Path | None = None) -> None
             left out, the truth is not written.
 
     Raises:
-        InputError: The folder already holds a recording.
+        InputError: The folder already holds a recording, or cannot be written.
     """
     table = folder / "recording.csv"
     if table.exists():
         raise InputError(str(table), "exists", "give another folder or remove it")
-    folder.mkdir(parents=True, exist_ok=True)
-    _write_table(table, {"t_s": generated.time, **generated.columns})
-    _write_toml(folder / "recording.toml", generated.info)
+    files = {
+        table: _as_csv(generated, generated.columns),
+        folder / "recording.toml": _as_toml(generated.info),
+    }
     if truth is not None:
-        truth.mkdir(parents=True, exist_ok=True)
-        _write_toml(truth / "truth.toml", generated.truth)
-        _write_table(truth / "truth.csv", {"t_s": generated.time, **_true_columns(generated)})
+        files |= {
+            truth / "truth.csv": _as_csv(generated, _true_columns(generated)),
+            truth / "truth.toml": _as_toml(generated.truth),
+        }
+    write_whole(files)
 
 
 def _true_columns(generated: Generated) -> dict[str, Any]:
@@ -49,12 +54,12 @@ def _true_columns(generated: Generated) -> dict[str, Any]:
     return columns | chambers
 
 
-def _write_table(path: Path, columns: dict[str, Any]) -> None:
-    """Write columns as CSV; NaN becomes an empty cell."""
-    rounded = {name: np.round(values, 2 if name.endswith("_pa") else 9) for name, values in columns.items()}
-    pl.DataFrame(rounded).fill_nan(None).write_csv(path)
+def _as_csv(generated: Generated, columns: Mapping[str, Any]) -> bytes:
+    """Write times and columns as CSV; NaN becomes an empty cell."""
+    named = {"t_s": generated.time, **columns}
+    rounded = {name: np.round(values, 2 if name.endswith("_pa") else 9) for name, values in named.items()}
+    return pl.DataFrame(rounded).fill_nan(None).write_csv().encode()
 
 
-def _write_toml(path: Path, table: dict[str, Any]) -> None:
-    """Write a table as TOML."""
-    path.write_text(tomli_w.dumps(table), encoding="utf-8")
+def _as_toml(table: Mapping[str, Any]) -> bytes:
+    return tomli_w.dumps(table).encode()
