@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from softarm.estimator.series import interpolate, nearest, window_means
+from softarm.estimator.series import interpolate, joined, nearest, runs, window_means
 
 LOST = np.nan
 
@@ -23,3 +23,14 @@ def test_means_leave_lost_readings_and_empty_windows_out() -> None:
     values = np.array([[1.0, LOST], [3.0, 4.0], [5.0, LOST]])
     means = window_means(values, np.array([0, 0, 2]), 3)
     np.testing.assert_array_equal(means, [[2.0, 4.0], [LOST, LOST], [5.0, LOST]])
+
+
+def test_runs_reach_to_both_ends() -> None:
+    assert runs(np.array([True, True, False, True])) == [(0, 2), (3, 4)]
+    assert runs(np.zeros(3, dtype=bool)) == runs(np.zeros(0, dtype=bool)) == []
+
+
+def test_moments_that_follow_closely_are_one_stretch() -> None:
+    assert joined([1.0, 2.0, 4.5, 7.0], 2.5) == [(1.0, 7.0)]
+    assert joined([1.0, 2.0, 4.5, 7.0], 1.0) == [(1.0, 2.0), (4.5, 4.5), (7.0, 7.0)]
+    assert joined([], 1.0) == []

@@ -1,8 +1,10 @@
-"""Time series: readings of streams that do not share their times, brought to common ones."""
+"""Time series: readings brought to common times, and stretches of samples."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.arrays import Flags, Floats, Indices
 
 LONGEST_BRIDGE = 0.25  # s; over a longer gap nothing is known
 
@@ -56,3 +58,24 @@ def window_means(values: Floats, windows: Indices, count: int) -> Floats:
         total = np.bincount(windows[observed], column[observed], count)
         means[members > 0, index] = total[members > 0] / members[members > 0]
     return means
+
+
+def runs(flags: Flags) -> list[tuple[int, int]]:
+    """List the runs of samples at which a flag is set: the first sample, and that after the last.
+
+    Args:
+        flags: Shape (samples,).
+    """
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(np.int8)))
+    return [(first, end) for first, end in edges.reshape(-1, 2).tolist()]
+
+
+def joined(moments: Sequence[float], gap: float) -> list[tuple[float, float]]:
+    """Join rising moments that are no more than ``gap`` apart; list the first and the last of each group."""
+    stretches: list[tuple[float, float]] = []
+    for moment in moments:
+        if stretches and moment - stretches[-1][1] <= gap:
+            stretches[-1] = (stretches[-1][0], moment)
+        else:
+            stretches.append((moment, moment))
+    return stretches

@@ -10,6 +10,7 @@ from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.calibration.pulls import cord_direction, gauged_section
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import runs
 from softarm.estimator.specimen import Specimen
 from softarm.experiments.holds import means
 
@@ -124,8 +125,7 @@ def look_windows(recording: Recording, look: float = LOOK_S) -> Floats:
     """
     times = np.arange(recording.time[0], recording.time[-1], 0.1)
     still = rested(recording, times)
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
-    ends = np.array([times[end - 1] for end in edges[1::2]]) - LEAVE_S
+    ends = np.array([times[end - 1] for _, end in runs(still)]) - LEAVE_S
     return np.column_stack([ends - look, ends])
 
 

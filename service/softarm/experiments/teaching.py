@@ -16,6 +16,7 @@ from softarm.estimator.model import Frames
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions, log
 from softarm.estimator.sensing import MeasuredPose, SensorSuite
+from softarm.estimator.series import runs
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
 from softarm.experiments.figures import Cells, error_figures, with_paper, without_unit
@@ -139,11 +140,9 @@ def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:
     smooth = np.column_stack([np.convolve(column, kernel, mode="same") for column in points.T])
     speed = np.linalg.norm(np.gradient(smooth, times, axis=0), axis=1)
     speed[:width] = speed[-width:] = 0.0
-    moving = speed > STILL_M_S
-    edges = np.flatnonzero(np.diff(np.concatenate([[True], moving, [True]]).astype(int)))
     windows = [
         (times[end - 1] - look, times[end - 1])
-        for start, end in zip(edges[::2], edges[1::2], strict=True)
+        for start, end in runs(speed <= STILL_M_S)
         if times[end - 1] - times[start] >= SHORTEST_S
     ]
     return np.array(windows).reshape(-1, 2)

@@ -12,6 +12,7 @@ from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import runs
 from softarm.estimator.specimen.physics import Place
 
 LEAST = 3.0
@@ -214,8 +215,7 @@ def _still(time: Floats, shown: Floats, wanted: Floats) -> list[tuple[int, int]]
     flags = np.zeros(len(time), dtype=bool)
     for k in np.flatnonzero(quiet & moving):
         flags[k : k + width] = True
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], flags, [False]]).astype(int)))
-    return [(int(a), int(b)) for a, b in edges.reshape(-1, 2)]
+    return runs(flags)
 
 
 def _range(values: Floats, width: int) -> Floats:

@@ -4,6 +4,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.effects.effect import Excitation
+from softarm.estimator.series import runs
 
 QUIET = 300.0
 """Pressures that vary by less count as still [Pa]."""
@@ -57,9 +58,7 @@ def inventory(time: Floats, pressures: Floats, gravity: Floats, limits: Floats) 
 
 def _longest(time: Floats, kept: Flags) -> float:
     """Return the longest stretch over which a flag holds [s]."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], kept, [False]]).astype(int)))
-    spans = [time[end - 1] - time[start] for start, end in edges.reshape(-1, 2)]
-    return float(max(spans, default=0.0))
+    return float(max((time[end - 1] - time[start] for start, end in runs(kept)), default=0.0))
 
 
 def _longest_hold(time: Floats, pressures: Floats) -> float:
@@ -95,8 +94,7 @@ def _spread(values: Floats) -> float:
 
 def _peaks(pressure: Floats) -> Floats:
     """Return the tops of the excursions from the vented state [Pa]."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], pressure > OPEN, [False]]).astype(int)))
-    return np.array([pressure[start:end].max() for start, end in edges.reshape(-1, 2)])
+    return np.array([pressure[start:end].max() for start, end in runs(pressure > OPEN)])
 
 
 def mount_turned(gravity: Floats) -> bool:

@@ -33,6 +33,7 @@ from softarm.estimator.intake.relocated import losses, relocation
 from softarm.estimator.intake.result import Disturbance
 from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import joined
 from softarm.estimator.specimen import Specimen
 
 SHORTEST = 20.0
@@ -212,13 +213,7 @@ def _runs(flags: Flags, time: Floats) -> list[float]:
 
 def _between(times: Sequence[float]) -> list[tuple[float, float]]:
     """Turn moments of unprovoked motion into stretches: those close together begin and end one touch."""
-    stretches: list[tuple[float, float]] = []
-    for moment in times:
-        if stretches and moment - stretches[-1][1] <= TOUCH:
-            stretches[-1] = (stretches[-1][0], moment)
-        else:
-            stretches.append((moment, moment))
-    return [(begin, end if end > begin else end + 3.0) for begin, end in stretches]
+    return [(begin, end if end > begin else end + 3.0) for begin, end in joined(times, TOUCH)]
 
 
 def law_errors(
@@ -371,13 +366,8 @@ def smoothed(log_ratios: Floats) -> Floats:
 
 def _stretches(chance: Floats, least: float = PROBABLE) -> list[tuple[int, int]]:
     """Join seconds of a chance above the least to stretches: first second and the second after the last."""
-    stretches: list[tuple[int, int]] = []
-    for second in np.flatnonzero(chance > least).tolist():
-        if stretches and second - stretches[-1][1] <= NEAR:
-            stretches[-1] = (stretches[-1][0], second + 1)
-        else:
-            stretches.append((second, second + 1))
-    return stretches
+    near = joined(np.flatnonzero(chance > least).tolist(), NEAR + 1)
+    return [(int(first), int(last) + 1) for first, last in near]
 
 
 def _event(

@@ -4,6 +4,7 @@ import numpy as np
 
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import joined
 from softarm.estimator.specimen import Specimen
 
 OVERSHOOT = 1.1
@@ -55,10 +56,5 @@ def over_limit(
 
 
 def _stretches(recording: Recording, above: np.ndarray) -> tuple[tuple[float, float], ...]:
-    intervals: list[tuple[float, float]] = []
-    for time in recording.time[above].tolist():
-        if intervals and time - GUARD <= intervals[-1][1]:
-            intervals[-1] = (intervals[-1][0], time + GUARD)
-        else:
-            intervals.append((time - GUARD, time + GUARD))
-    return tuple(intervals)
+    near = joined(recording.time[above].tolist(), 2.0 * GUARD)
+    return tuple((first - GUARD, last + GUARD) for first, last in near)

@@ -9,6 +9,7 @@ from softarm.estimator.intake.limits import OVERSHOOT
 from softarm.estimator.intake.result import MOTION, RecordingFault
 from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import runs
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.statistics import MAD_TO_STD
 
@@ -128,17 +129,16 @@ def _excursions(values: Floats, least: float) -> Flags:
         away = inside - 0.5 * (before + after)
         size = np.abs(away).min(axis=0)
         one_way = np.abs(away.sum(axis=0)) > (length - 0.5) * size
-        runs = np.flatnonzero((size > least) & one_way & (np.abs(after - before) < BACK * size))
+        starts = np.flatnonzero((size > least) & one_way & (np.abs(after - before) < BACK * size))
         for k in range(length):
-            flags[runs + 1 + k] = True
+            flags[starts + 1 + k] = True
     return flags
 
 
 def _pressure_spikes(values: Floats, most: float) -> Flags:
     """Find runs of up to ``LONGEST`` readings far beyond ``most`` [Pa] either way, shape (samples,)."""
     beyond = np.abs(np.nan_to_num(values)) > most
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], beyond.astype(int), [0]])))
     spikes = np.zeros(len(values), dtype=bool)
-    for begin, end in edges.reshape(-1, 2):
+    for begin, end in runs(beyond):
         spikes[begin:end] = end - begin <= LONGEST and np.abs(values[begin:end]).min() > 1.5 * most
     return spikes

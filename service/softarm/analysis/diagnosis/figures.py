@@ -16,6 +16,7 @@ from softarm.analysis.plots.figures import blank
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.diagnosis.result import CellKind, Exposure, Trace
 from softarm.estimator.effects.amounts import readable
+from softarm.estimator.series import runs
 from softarm.estimator.specimen import Specimen
 
 Shares = Mapping[tuple[CellKind, str], float]
@@ -217,7 +218,6 @@ def _percent(share: float) -> str:
 
 def _shade(axes: Axes, time: Floats, shaded: Flags) -> None:
     """Shade stretches of time, each sample with half a step on both sides."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], shaded, [False]]).astype(int))).reshape(-1, 2)
     half = 0.5 * float(np.median(np.diff(time))) if len(time) > 1 else 0.5
-    for first, last in edges:
+    for first, last in runs(shaded):
         axes.axvspan(time[first] - half, time[last - 1] + half, color=SHADE, linewidth=0, zorder=0)
