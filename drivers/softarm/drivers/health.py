@@ -1,7 +1,7 @@
 """Counters of one device: what arrived, what was refused, how long answers took."""
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 from softarm.drivers.alarms import Alarms
@@ -87,6 +87,7 @@ class Health:
         connections: Times streaming began.
         failures: Failed attempts and lost connections.
         sink_errors: Readings whose receiver raised.
+        overruns: Polls skipped because one before them took too long.
         round_trip: Time from request to answer.
         interval: Time between readings; its spread is the jitter.
         drift: Lateness of the driver's own ticks.
@@ -137,16 +138,4 @@ class Health:
         }
 
 
-COUNTERS = (
-    "frames",
-    "bad_checksum",
-    "malformed",
-    "resyncs",
-    "gaps",
-    "rejected",
-    "timeouts",
-    "connections",
-    "failures",
-    "sink_errors",
-    "overruns",
-)
+COUNTERS = tuple(one.name for one in fields(Health) if one.type is int)
