@@ -99,7 +99,9 @@ class State(Message):
     drift_p99_s: float | None = Field(default=None, description="The same, 99th percentile.")
     recording: str | None = Field(description="File being recorded, null when none.")
     teach_pressures_pa: tuple[float, ...] | None = Field(
-        default=None, description="Pressures that would hold the present pose; null outside TEACH."
+        default=None,
+        description="Pressures that would hold the present pose; null outside TEACH and HOLDING, and without "
+        "an estimate of the last half second.",
     )
     teach_reachable: bool | None = Field(
         default=None, description="Whether those pressures hold the pose within the sensors' noise."
