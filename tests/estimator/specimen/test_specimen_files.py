@@ -95,6 +95,14 @@ def test_a_failed_write_leaves_the_old_file(tmp_path: Path) -> None:
     assert sorted(entry.name for entry in tmp_path.iterdir()) == ["file", "folder"]
 
 
+def test_missing_keys_are_named_with_their_meaning() -> None:
+    with pytest.raises(InputError) as caught:
+        parse_specimen(b"", "arm.toml")
+    told = str(caught.value)
+    assert "geometry: missing, add it: Shape of the body;" in told
+    assert "`" not in told
+
+
 def test_missing_folders_are_made(tmp_path: Path) -> None:
     save_specimen(load_specimen("beam"), tmp_path / "absent" / "arm.toml")
     assert load_specimen(tmp_path / "absent" / "arm.toml").name == "beam"

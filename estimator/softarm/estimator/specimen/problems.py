@@ -115,7 +115,8 @@ def _keys(owner: type[BaseModel]) -> list[str]:
 def _meaning(owner: type[BaseModel] | None, key: str) -> str:
     field = owner.model_fields.get(key) if owner else None
     text = (field.description or "") if field else ""
-    return text.rstrip(".") or "it is needed"
+    # What stands behind the semicolon belongs to the page, such as where to find the tables.
+    return " ".join(text.partition(";")[0].replace("``", "").rstrip(".").split()) or "it is needed"
 
 
 def _locate(model: type[BaseModel], loc: tuple[Any, ...]) -> tuple[type[BaseModel] | None, str]:
