@@ -95,7 +95,7 @@ class Bench:
             self.valves, np.full(6, LIMIT), ControlSettings(), SafetySettings(lease_s=1.0)
         )
         sections = ("base", "intermediate", "tip")
-        self.estimator_state = EstimatorState(sections, LOADS, lambda _: ("imu",), lambda: self.now_ns)
+        self.estimator_state = EstimatorState(sections, LOADS, self.align, lambda: self.now_ns)
         self.estimator_state.update(result(hold_answer()), 0)
         self.faults = ()
         context = CommandContext(
@@ -130,6 +130,10 @@ class Bench:
         self.reconnected.append(name)
         if name == "unknown":
             raise KeyError(name)
+
+    def align(self, rotations, now_ns):
+        self.aligned = (rotations["tip"].tolist(), now_ns)
+        return ("imu",)
 
     async def acquire(self):
         self.token = (await self.send("lease/acquire")).applied["lease"]
@@ -575,6 +579,15 @@ async def test_one_recording_is_opened_at_a_time(bench):
     assert second.result().code == "busy"
     opened.set()
     assert (await first).applied == {"path": "run.mcap"}
+
+
+async def test_units_are_aligned_with_an_estimate_of_now_or_a_straight_arm(bench):
+    upside_down = replace(result(), quaternions=np.tile([0.0, 1.0, 0.0, 0.0], (3, 1)))
+    bench.estimator_state.update(upside_down, 0)
+    for later_s, diagonal in ((0.1, [1.0, -1.0, -1.0]), (RECENT_S + 0.1, [1.0, 1.0, 1.0])):
+        bench.now_ns = round(later_s * SECOND)
+        await bench.send("calibrate/rest")
+        assert bench.aligned == (np.diag(diagonal).tolist(), bench.now_ns)
 
 
 async def test_units_are_aligned_only_while_the_arm_hangs_vented(bench):

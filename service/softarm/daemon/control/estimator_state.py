@@ -109,7 +109,7 @@ class EstimatorState:
     Args:
         section_names: Sections in the model's order.
         loads: The model's loads.
-        align: Aligns the inertial units with given rest orientations and names them.
+        align: Aligns the inertial units with given rest orientations at a monotonic time and names them.
         clock_ns: Monotonic clock.
     """
 
@@ -117,7 +117,7 @@ class EstimatorState:
         self,
         section_names: tuple[str, ...],
         loads: tuple[Load, ...],
-        align: Callable[[Mapping[str, Floats]], tuple[str, ...]],
+        align: Callable[[Mapping[str, Floats], int], tuple[str, ...]],
         clock_ns: Callable[[], int],
     ) -> None:
         self.load_map = LoadMap.of(loads)
@@ -227,11 +227,11 @@ class EstimatorState:
         return self.tare
 
     def align_at_rest(self) -> tuple[str, ...]:
-        """Align the inertial units with the model of the arm, which hangs at rest."""
-        if self.result is None:
-            return self._align({name: np.eye(3) for name in self._names})
-        rotations = map(from_quaternions, self.result.quaternions)
-        return self._align(dict(zip(self._names, rotations, strict=True)))
+        """Align the inertial units with the arm at rest: with a recent estimate, else hanging straight."""
+        recent = self.result if self.result is not None and self._recent(self.result) else None
+        rotations = np.eye(3)[None] if recent is None else from_quaternions(recent.quaternions)
+        named = zip(self._names, np.broadcast_to(rotations, (len(self._names), 3, 3)), strict=True)
+        return self._align(dict(named), self._clock_ns())
 
     @staticmethod
     def _contact(result: EstimationResult, since_unix_ns: int) -> Contact | None:

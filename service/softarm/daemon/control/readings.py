@@ -129,18 +129,19 @@ class Readings:
             for sensor, name, label in self._all
         )
 
-    def rest(self, orientations: Mapping[str, Floats]) -> tuple[str, ...]:
+    def rest(self, orientations: Mapping[str, Floats], now_ns: int) -> tuple[str, ...]:
         """Align inertial units with the model: the arm hangs at rest now.
 
         Args:
             orientations: Rotation of each section at rest in the base frame, shape (3, 3).
+            now_ns: Monotonic time.
 
         Returns:
-            Names of the units that were aligned.
+            Names of the units that were aligned; one that is silent is not.
         """
         aligned = []
         for sensor, name, _ in self._sensors:
-            sample = self._latest.get(name)
+            sample = self.fresh(name, now_ns)
             if sample is None or sensor.kind != "orientation":
                 continue
             # A body of the motion capture may be an orientation too; it arrives as a pose and needs no rest.
