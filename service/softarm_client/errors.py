@@ -7,8 +7,8 @@ class ClientError(Exception):
     """Base of the errors of this package."""
 
 
-class SetupError(ClientError):
-    """A session that cannot be opened as it is configured.
+class SessionError(ClientError):
+    """A session that cannot be opened.
 
     Args:
         where: Argument or file at fault.
@@ -23,17 +23,12 @@ class SetupError(ClientError):
         self.cure = cure
 
 
-class UnreachableError(ClientError):
-    """An address is taken or not there yet, or nothing answers at it: a later try may succeed.
+class SetupError(SessionError):
+    """It cannot be opened as it is configured."""
 
-    Args:
-        where: Argument or file that names the address.
-        what: What is wrong, with the address.
-        cure: What to do about it.
-    """
 
-    def __init__(self, where: str, what: str, cure: str) -> None:
-        super().__init__(f"{where}: {what}; {cure}")
+class UnreachableError(SessionError):
+    """An address is taken or not there yet, or nothing answers at it: a later try may succeed."""
 
 
 class CommandRefusedError(ClientError):

@@ -1,9 +1,9 @@
 """The calibrated rod: a chain of links whose laws were fitted to the finite-element model."""
 
 from softarm.estimator.rod.archive import shape_key
-from softarm.estimator.rod.fit import FittedRod, Recipe, adapted, fit_rod, sampled_model
+from softarm.estimator.rod.fit import FittedRod, Recipe, adapted, sampled_model
 from softarm.estimator.rod.held_out import HeldOut, HeldOutReport, check_rod
-from softarm.estimator.rod.model import CalibratedRod, RodStep
+from softarm.estimator.rod.model import CalibratedRod
 
 __all__ = [
     "CalibratedRod",
@@ -11,10 +11,8 @@ __all__ = [
     "HeldOut",
     "HeldOutReport",
     "Recipe",
-    "RodStep",
     "adapted",
     "check_rod",
-    "fit_rod",
     "sampled_model",
     "shape_key",
 ]
