@@ -174,7 +174,7 @@ def _mended(
     recording: Recording, columns: tuple[str, ...], subject: str, strayed: tuple[float, float, float, float]
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
     lag, gain, other, lead = strayed
-    odds = float(np.exp(min(gain, lead, 500.0)))
+    odds = float(np.exp(min(gain, lead, 500.0)))  # beyond that the exponential overflows
     what = f"{subject} is {abs(lag):.2f} s {_way(lag)} the pressures"
     if odds < UNAMBIGUOUS:
         what += f", or {abs(other):.2f} s {_way(other)} them"
@@ -239,6 +239,7 @@ def _judged(
     if not moved.any():
         return None
     names = tuple(streams[number].name for number in numbers[moved])
+    # Neighbouring windows that say the same count once; the ends of the run are not seen at every shift.
     said = grid.step * float(np.mean([correlation_length(column) for column in _centred(motion).T]))
     samples = (seconds - 2 * reach) / said * (_active(motion) * _directions(motion) if change else 1.0)
     return Shifts(
@@ -335,6 +336,7 @@ def _unexplained(causes: Floats, motion: Floats, lags: Indices) -> tuple[Floats,
             inner[k, m] = design[part].T @ design[part]
             outer[k, m] = design[part].T @ values[part]
     whole = np.maximum(power.sum(axis=0), 1e-30)
+    # Chambers that are filled alike would make the matrix singular; the ridge costs all shifts the same.
     predicted, fitted = (left / whole for left in _regressed(inner, outer, power, 1e-4 * len(rows)))
     return predicted, fitted
 
