@@ -230,10 +230,10 @@ def mean_rotation(rotations: Floats) -> Floats:
     return nearest_rotation(rotations.mean(axis=0))
 
 
-def nearest_rotation(matrix: Floats) -> Floats:
-    """Compute the rotation nearest to a matrix, shape (3, 3), in the Frobenius norm."""
-    left, _, right = np.linalg.svd(matrix)
+def nearest_rotation(matrices: Floats) -> Floats:
+    """Compute the rotations nearest to matrices, shape (..., 3, 3), in the Frobenius norm."""
+    left, _, right = np.linalg.svd(matrices)
     # Without the sign the nearest orthogonal matrix may be a reflection (Kabsch 1976).
-    sign = np.sign(np.linalg.det(left @ right))
-    rotation: Floats = (left * [1.0, 1.0, sign]) @ right
-    return rotation
+    left[..., 2] *= np.sign(np.linalg.det(left @ right))[..., None]
+    rotations: Floats = left @ right
+    return rotations

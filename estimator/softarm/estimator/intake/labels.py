@@ -14,7 +14,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.hypotheses import Explanation, choose
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
-from softarm.estimator.rotations import from_quaternions, log
+from softarm.estimator.rotations import from_quaternions, log, nearest_rotation
 from softarm.estimator.specimen import Specimen
 
 Labels = tuple[int, ...]
@@ -265,18 +265,10 @@ def _fit(points: Floats, offsets: Floats) -> Fit:
     """Fit a section to its markers, shape (samples, markers, 3)."""
     middle, centre = offsets.mean(axis=0), points.mean(axis=1)
     products = np.einsum("nmi,mj->nij", points - centre[:, None], offsets - middle)
-    rotations = _nearest_rotations(products)
+    rotations = nearest_rotation(products)
     origins = centre - rotations @ middle
     errors = points - origins[:, None] - np.einsum("nij,mj->nmi", rotations, offsets)
     return rotations, origins, np.linalg.norm(errors, axis=2)
-
-
-def _nearest_rotations(matrices: Floats) -> Floats:
-    """Find the rotations nearest to matrices (Kabsch 1976), shape (..., 3, 3)."""
-    left, _, right = np.linalg.svd(matrices)
-    left[..., 2] *= np.sign(np.linalg.det(left @ right))[..., None]
-    rotations: Floats = left @ right
-    return rotations
 
 
 def _worst(points: Points, labels: Labels, mirrored: bool) -> float:
