@@ -120,6 +120,18 @@ def test_a_number_out_of_range_is_wrong_use(words: list[str], capsys: pytest.Cap
 
 
 @pytest.mark.parametrize(
+    "words", [["diagnose", "run", "--out"], ["plot", "run", "-o"], ["estimate", "run", "--plots"]]
+)
+def test_a_folder_that_cannot_be_written_is_refused_first(
+    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("os.access", lambda path, mode: path != tmp_path)  # root may write everywhere
+    for place, what in ((tmp_path / "new", "cannot be written to"), (Path("/dev/null"), "is not a folder")):
+        assert cli.run([*words, str(place)]) == 2
+        assert what in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
     "words",
     [
         ["diagnose", "run", "--out", "file"],

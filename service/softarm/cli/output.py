@@ -14,11 +14,32 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table as RichTable
 
 from softarm.common.tables import Cell, Table, heading, text
+from softarm.estimator.files import require_free
 
 Command = TypeVar("Command", bound=Callable[..., Any])
+
+
+class Folder(click.Path):
+    """A folder to write into; one that cannot be written is refused before the work for it begins."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path, file_okay=False)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the folder.
+
+        Raises:
+            InputError: It cannot be written; the default is not checked, since not every use needs it.
+        """
+        folder: Any = super().convert(value, param, ctx)
+        if param is None or value != param.default:
+            require_free(folder / "file", force=True)
+        return folder
+
+
 PATH = click.Path(path_type=Path)
 """Type of an option that is a path."""
-FOLDER = click.Path(path_type=Path, file_okay=False)
+FOLDER = Folder()
 """Type of an option that is a folder to write into."""
 PICTURE = click.Path(path_type=Path, dir_okay=False)
 """Type of an option that is a picture to write."""
