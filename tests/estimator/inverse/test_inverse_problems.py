@@ -56,18 +56,16 @@ def start(arm, pressures=PRESSURES):
     return arm.solve(inputs, arm.rest())[0], inputs
 
 
+def loose_problem(arm, suite, readings, sigma):
+    """Ask for the loads at exact pressures, each load with a wide prior."""
+    unknowns = Unknowns.of(6, arm.loads)
+    prior = independent_prior(unknowns, sigma)
+    return forces_problem(unknowns, suite, readings, PRESSURES, None, prior, GRAVITY)
+
+
 def test_four_forces_from_two_orientations_and_exact_pressures(arm) -> None:
     inputs, state = truth(arm)
-    suite, unknowns = orientations(), Unknowns.of(6, arm.loads)
-    problem = forces_problem(
-        unknowns,
-        suite,
-        readings_of(arm, suite, inputs, state),
-        PRESSURES,
-        None,
-        independent_prior(unknowns, 100.0),
-        GRAVITY,
-    )
+    problem = loose_problem(arm, orientations(), readings_of(arm, orientations(), inputs, state), 100.0)
     estimate = problem.solve(arm, start(arm))
     assert estimate.converged
     np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=1e-6)
@@ -80,16 +78,7 @@ def test_four_forces_from_two_orientations_and_exact_pressures(arm) -> None:
 
 def test_search_from_far_out_of_balance_needs_no_equilibrium_to_start(arm) -> None:
     inputs, state = truth(arm)
-    suite, unknowns = orientations(), Unknowns.of(6, arm.loads)
-    problem = forces_problem(
-        unknowns,
-        suite,
-        readings_of(arm, suite, inputs, state),
-        PRESSURES,
-        None,
-        independent_prior(unknowns, 100.0),
-        GRAVITY,
-    )
+    problem = loose_problem(arm, orientations(), readings_of(arm, orientations(), inputs, state), 100.0)
     estimate = problem.solve(arm, (arm.rest(), Inputs(np.zeros(6), np.zeros(4), GRAVITY)))
     assert estimate.converged
     np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=1e-6)
@@ -265,18 +254,10 @@ def test_rotation_about_the_load_axis_is_not_a_direction_that_is_invented(arm) -
     axial = arm.with_loads(
         (*arm.loads, arm.loads[0].__class__("tip_twin", "force", (1.0, 0.0, 0.0), section="tip"))
     )
-    suite, unknowns = orientations(), Unknowns.of(6, axial.loads)
+    suite = orientations()
     inputs = Inputs(PRESSURES, np.concatenate([LOADS, [0.0]]), GRAVITY)
     state, _ = axial.solve(inputs, axial.rest())
-    problem = forces_problem(
-        unknowns,
-        suite,
-        readings_of(axial, suite, inputs, state),
-        PRESSURES,
-        None,
-        independent_prior(unknowns, 1.0),
-        GRAVITY,
-    )
+    problem = loose_problem(axial, suite, readings_of(axial, suite, inputs, state), 1.0)
     estimate = problem.solve(axial, start(axial))
     assert estimate.unobservable_directions == (
         "1 N of tip_x with -1 N of tip_twin",
