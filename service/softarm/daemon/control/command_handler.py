@@ -11,7 +11,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from softarm.daemon.control.controller import Controller
-from softarm.daemon.control.estimator_state import EstimatorState
+from softarm.daemon.control.estimator_state import RECENT_S, EstimatorState
 from softarm.daemon.control.hold import HoldGoal
 from softarm.daemon.control.off_loop import off_loop
 from softarm.daemon.control.poses import PoseStore, SavedPose
@@ -294,7 +294,7 @@ class CommandHandler:
             hint = "bring the arm into another pose: these pressures would mean nothing"
             raise RefusalError("not_available", estimator_state.hold_answer.note, hint)
         if modes.mode in (Mode.TEACH, Mode.HOLDING):
-            message = "the estimator gave no pressures for this pose in time"
+            message = f"no estimate of the last {RECENT_S:g} s gave pressures for this pose in time"
             raise RefusalError("not_available", message, "see the service's findings, then try again")
         cause = f" ({modes.fault_cause})" if modes.fault_cause else ""
         hint = "begin with teach/start" if modes.mode in PRESSURISED else WAY_OUT[modes.mode]
