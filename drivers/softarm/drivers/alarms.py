@@ -50,6 +50,14 @@ class Alarms:
     ) -> bool:
         """Raise an alarm, or update its text.
 
+        Args:
+            key: Names the alarm, for ``clear``.
+            what: What is wrong.
+            cure: What to do about it.
+            value: What was measured, where it is a quantity.
+            limit: What would be right.
+            unit: Unit of both.
+
         Returns:
             Whether it is new.
         """

@@ -141,7 +141,14 @@ class Rig:
         times: int = 1,
         for_s: float | None = None,
     ) -> None:
-        """Switch a fault on, and off again after ``for_s`` seconds.
+        """Switch a fault on.
+
+        Args:
+            device: Name of the device.
+            fault: Name of the fault.
+            parameters: Those that differ from its defaults.
+            times: How often a fault occurs that occurs a number of times.
+            for_s: Time after which it is switched off [s]; it stays when left out.
 
         Raises:
             InputError: The fault or a parameter is unknown.

@@ -89,12 +89,15 @@ def arrange(
 ) -> CalibrationRun:
     """Arrange a recording.
 
-    ``sections`` are those of the model, of the specimen when left out. Gauges count as known forces where
-    ``loads`` are given, as of ``section_forces``.
-
     Bends, poses and markers become sensors with the specimen's noise and calibration; markers and poses of
-    the first section register the laboratory in the base frame. Pressures are
-    brought to the times of the motion.
+    the first section register the laboratory in the base frame. Pressures are brought to the times of the
+    motion.
+
+    Args:
+        recording: What was recorded.
+        specimen: The arm.
+        sections: Sections of the model; those of the specimen when left out.
+        loads: Forces, as of ``section_forces``, by which gauges count as known; none when left out.
 
     Raises:
         InputError: The recording has a section or chamber that the specimen lacks, no motion, pressures above

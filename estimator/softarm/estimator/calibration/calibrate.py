@@ -77,6 +77,12 @@ def calibrate(
 
     The present calibration of the specimen is what is known beforehand.
 
+    Args:
+        model: Model of the specimen; its loads are those by which gauges count as known.
+        specimen: The arm.
+        runs: Recordings, each as of ``arrange``.
+        options: What to fit and to how many samples.
+
     Raises:
         CalibrationRefusedError: The recordings hold too little motion, the model finds no equilibrium for
             them, or the fit predicts held-out blocks worse than the old calibration.

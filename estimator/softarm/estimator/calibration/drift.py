@@ -55,7 +55,11 @@ def check_drift(
 ) -> tuple[Drift, ...]:
     """Compare recordings with what the specimen's calibration predicts for them.
 
-    The model has the calibration of the specimen; ``nodes`` is the largest number of samples over all runs.
+    Args:
+        model: Model with the calibration of the specimen.
+        specimen: The arm.
+        runs: Recordings, each as of ``arrange``.
+        nodes: Largest number of samples over all runs.
 
     Raises:
         InputError: The specimen does not say how its calibration scattered, or no sensor is shared.

@@ -206,7 +206,14 @@ class Problem:
         tolerances: Tolerances | None = None,
         begun: Linearised[State] | None = None,
     ) -> ArmEstimate[State]:
-        """Search from a state and inputs, or from where an earlier search left off if that serves."""
+        """Search for the inputs.
+
+        Args:
+            model: The arm, with the loads that are unknown.
+            start: State and inputs from which to search.
+            tolerances: When the search ends.
+            begun: Linearisation of an earlier search, from which this one goes on if it serves.
+        """
         state, inputs = start
         start = (state, Inputs(inputs.pressures, inputs.loads, self.gravity))
         minimum = minimise(model, self.unknowns, self.objectives, self.limits, start, tolerances, begun)

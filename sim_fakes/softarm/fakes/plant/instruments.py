@@ -96,7 +96,17 @@ def observe(
     streams: Streams,
     rng: Random,
 ) -> dict[str, Floats]:
-    """Return a run as measured: canonical columns, each of shape (samples,); NaN where a reading was lost."""
+    """Return a run as measured: canonical columns, each of shape (samples,); NaN where a reading was lost.
+
+    Args:
+        truth: What really happened.
+        commands: Set-points of the chambers, gauge [Pa], shape (samples, chambers).
+        sections: Names of the sections.
+        concealed: Hidden effects; those of instruments act here.
+        instruments: Noise, wander and losses.
+        streams: What is recorded.
+        rng: Draws the noise.
+    """
     columns: dict[str, Floats] = {}
     if streams.commanded:
         columns |= _pressures("pressure_cmd_{}_pa", commands)
