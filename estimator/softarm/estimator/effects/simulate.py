@@ -54,7 +54,6 @@ def simulate_with(
     drive: Drive,
     suite: SensorSuite | None = None,
     memories: Sequence[Memory] | None = None,
-    near: ArmResponse | None = None,
 ) -> Simulation:
     """Simulate an arm with effects.
 
@@ -65,7 +64,6 @@ def simulate_with(
         drive: What acts on it without them.
         suite: Sensors whose readings to predict.
         memories: What an earlier stretch left behind, one for each effect.
-        near: A response close by, where known.
 
     Returns:
         The simulation, with the memories to continue it.
@@ -75,7 +73,7 @@ def simulate_with(
     drive = _shape_drive(effects, world, drive, before, after)
     base, shares = drive, {k: _no_share(e, drive) for k, e in enumerate(effects) if e.answers}
     old: dict[int, tuple[Floats, Floats]] = {}
-    response = arm.respond(drive, near)
+    response = arm.respond(drive)
     passes, settled = 1, not shares
     while not settled and passes < ITERATIONS:
         residuals = {}
