@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.special import erf
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.placed import signals_of
@@ -62,7 +63,9 @@ def test_an_arm_that_has_hung_under_its_weight_has_crept():
 
 @pytest.mark.parametrize("name", ["hysteresis", "mullins_softening", "material_stiffening"])
 def test_what_knows_no_rate_is_the_same_at_every_rate(name: str):
-    theta = {"hysteresis": [0.3, 0.1], "mullins_softening": [0.3, 0.2], "material_stiffening": [1.0]}[name]
+    theta = {"hysteresis": [0.3, 0.1], "mullins_softening": [0.3, 0.2, 0.5], "material_stiffening": [1.0]}[
+        name
+    ]
     slow, fast = ramps(100.0), ramps(1.0)
     assert np.allclose(bends(slow, placed(name, theta)), bends(fast, placed(name, theta)), atol=1e-9)
 
@@ -85,10 +88,51 @@ def test_hysteresis_opens_a_loop_that_closes():
 
 def test_mullins_softens_only_after_the_first_passage():
     drive = ramps(10.0, cycles=2, samples=401)
-    ratio = bends(drive, placed("mullins_softening", [0.3, 0.2]))[:, 0, 1] - bends(drive)[:, 0, 1]
+    ratio = bends(drive, placed("mullins_softening", [0.3, 0.2, 0.5]))[:, 0, 1] - bends(drive)[:, 0, 1]
     assert np.abs(ratio[:101]).max() < 1e-9
     assert ratio[250] == pytest.approx(ratio[150])
     assert ratio[150] > 0.01
+
+
+def softened(path: list[tuple[float, float, float]], *theta: float) -> Floats:
+    """Return what Mullins softening makes of bends and an elongation over the radius, shape (samples, 4)."""
+    radius = float(WORLD.radii[0])
+    strains = np.array([[[a, b, 0.0, radius * d]] * 2 for a, b, d in path])
+    drive = drive_of(np.arange(float(len(path))), np.zeros((len(path), 6)))
+    effect = placed("mullins_softening", list(theta))
+    signals = replace(signals_of(drive, WORLD), strains=strains)
+    return effect.effect.act(signals, effect.theta, effect.spot, ())[0][:, 0]
+
+
+def test_mullins_softens_the_way_that_the_arm_has_bent_and_little_across():
+    way = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
+    along, against, across = (
+        softened([*way, bend], 0.3, 0.5, 0.0)[-1] for bend in [(0.3, 0, 0), (-0.3, 0, 0), (0, 0.3, 0)]
+    )
+    assert along[:2] == pytest.approx(-against[:2])
+    assert 0.3 / (1.0 - 0.3 * 0.6) < along[0] < 0.3 / (1.0 - 0.3 * 0.7)  # the outermost fibre loses 0.697
+    assert 0.3 < across[1] < 0.3 + 0.5 * (along[0] - 0.3)
+
+
+def test_isotropic_mullins_softens_alike_all_around():
+    way = [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]
+    along, across = (softened([*way, bend], 0.3, 0.5, 1.0)[-1] for bend in [(0.3, 0, 0), (0, 0.3, 0)])
+    assert along[0] == pytest.approx(0.3 / (1.0 - 0.3 * erf((1.0 - 0.09) / 1.25)))
+    assert across[1] == pytest.approx(along[0])
+
+
+@pytest.mark.parametrize("isotropy", [0.0, 0.3, 1.0])
+def test_mullins_softens_a_ring_as_the_sum_of_its_fibres(isotropy: float):
+    """The law in 3600 fibres of a ring, on a way that turns and stretches."""
+    way, strength, width = [(0.2, 0.1, 0.0), (0.8, 0.2, 0.1), (0.1, 0.5, 0.02)], 0.3, 0.5
+    angle = np.linspace(0.0, 2.0 * np.pi, 3600, endpoint=False)
+    fibres = np.stack([np.cos(angle), np.sin(angle), np.ones(3600)])
+    own = (np.array(way) @ fibres) ** 2
+    seen = (1.0 - isotropy) * own + isotropy * 2.0 * own.mean(axis=1, keepdims=True)
+    kept = 1.0 - strength * erf((seen.max(axis=0) - seen[-1]) / (width**2 + seen.max(axis=0)))
+    strain = softened(way, strength, width, isotropy)[-1][[0, 1, 3]] / [1.0, 1.0, WORLD.radii[0]]
+    expected = np.linalg.solve((fibres * kept) @ fibres.T, fibres @ (np.array(way[-1]) @ fibres))
+    assert strain == pytest.approx(expected, abs=2e-3)
 
 
 def test_line_lag_vanishes_against_measured_pressures():

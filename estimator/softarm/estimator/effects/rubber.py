@@ -25,12 +25,6 @@ def losses(strains: Floats, world: World) -> Floats:
     return np.stack([bending, bending, bending, axial], axis=-1)
 
 
-def size(strains: Floats, world: World) -> Floats:
-    """Compute the root of twice the mean square strain of the ring, as a bend, shape (..., segments)."""
-    bend = (strains[..., :2] ** 2).sum(axis=-1)
-    return np.asarray(np.sqrt(bend + 2.0 * (strains[..., 3] / world.radii) ** 2), dtype=np.float64)
-
-
 def distributed_mass(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
     """Scale gravity, for a density other than described: g -> g (1 + s)."""
     (change,) = theta
@@ -208,6 +202,8 @@ def local_stiffness_defect(
     return strains + spot.segments[:, None] * extra, memory
 
 
+FIBRES = np.array([(1.0, np.cos(p), np.sin(p)) for p in np.arange(24) * np.pi / 12.0])
+"""Stretch of a thin ring's fibres by its elongation over the radius and by both bends, shape (24, 3)."""
 STRIP_WIDTH = 1.5
 """Width [rad] at which a defect is tried: a quarter of the circumference."""
 RING = np.diag([1.0, 0.5, 0.5])
@@ -330,18 +326,30 @@ MATERIAL_STIFFENING = Effect(
 
 
 def mullins_softening(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Soften the material below the largest strain so far (Mullins effect).
+    """Soften the fibres of the wall below the largest strain so far (Mullins effect).
 
-    Ogden-Roxburgh: stiffness factor eta = 1 - s erf((M^2 - A^2) / w^2), A the size of the strain as a bend
-    (``size``), M the largest so far, s the strength and w a width; eps = u / eta.
+    The segment is a thin ring of fibres. A fibre keeps the share eta = 1 - s erf((M^2 - A^2) / (w^2 + M^2))
+    of its stiffness: A is a size of strain, as a bend, M the largest so far, s the strength and w a width. It
+    is the law of Ogden and Roxburgh with the scale that Mars added, at which a fibre that returns from a
+    large strain is softened alike however large that was. A^2 = (1 - i) e^2 + i E^2, with e the strain of the
+    fibre itself, E^2 twice the mean square of all, and i the isotropy: at i = 0 an arm that has bent to one
+    side is softer there and on the opposite side, and little softer across; at i = 1 it is softer all around.
+    What remains of the ring bears the same load at other strains.
     """
-    strength, width = theta
-    strain = size(signals.strains, spot.world)
-    largest = np.maximum.accumulate(strain, axis=0)
+    strength, width, isotropy = theta
+    radii = spot.world.radii[:, None]
+    strains = np.concatenate([signals.strains[..., 3:] / radii, signals.strains[..., :2]], axis=-1)
+    own = (strains @ FIBRES.T) ** 2
+    squares = (1.0 - isotropy) * own + 2.0 * isotropy * own.mean(axis=-1, keepdims=True)
+    largest = np.maximum.accumulate(squares, axis=0)
     if memory:
         largest = np.maximum(largest, memory[0])
-    factor = 1.0 - strength * spot.segments * erf((largest**2 - strain**2) / width**2)
-    return signals.strains / factor[..., None], (largest[-1],)
+    lost = strength * spot.segments[:, None] * erf((largest - squares) / (width**2 + largest))
+    ring = RING - np.einsum("...f,fi,fj->...ij", lost, FIBRES, FIBRES) / len(FIBRES)
+    softened = np.linalg.solve(ring, (strains @ RING)[..., None])[..., 0]
+    changed = signals.strains.copy()
+    changed[..., :2], changed[..., 3:] = softened[..., 1:], radii * softened[..., :1]
+    return changed, (largest[-1],)
 
 
 MULLINS_SOFTENING = Effect(
@@ -350,19 +358,22 @@ MULLINS_SOFTENING = Effect(
     parameters=(
         ParameterSpec("strength", "1", 0.15, 0.0, 0.8, spread=0.2),
         ParameterSpec("width", "rad", 0.3, 0.02, 3.0, "shape", "log", spread=0.7),
+        ParameterSpec("isotropy", "1", 0.5, 0.0, 1.0, "shape", spread=0.5),
     ),
     places=whole_and_segments,
     act=mullins_softening,
     statement="The material of {where} shows the Mullins effect: below the largest strain so far its "
-    "stiffness is up to {strength:percent} lower, over a bend of {width}.",
-    source="R. W. Ogden, D. G. Roxburgh, Proc. R. Soc. A 455 (1999) 2861",
+    "stiffness is up to {strength:percent} lower, over a bend of {width}. Where a fibre of the wall softens "
+    "is decided by its own strain, and to {isotropy:percent} by that of the whole section.",
+    source="R. W. Ogden, D. G. Roxburgh, Proc. R. Soc. A 455 (1999) 2861; W. V. Mars, Tire Sci. Technol. "
+    "32 (2004) 120; J. Diani, B. Fayolle, P. Gilormini, Eur. Polym. J. 45 (2009) 601",
     needs=frozenset({"growing_cycles"}),
     splits=(
         ("viscoelastic_creep", "growing cycles on the rested arm, repeated at once"),
         ("material_stiffening", "the same cycles a second time"),
     ),
     when="largest strain so far",
-    shapes=((0.15,), (0.5,)),
+    shapes=((0.3, 0.0), (0.3, 1.0)),
 )
 
 
