@@ -165,6 +165,7 @@ def fit_effects(
     *,
     exact: bool = False,
     iterations: int = ITERATIONS,
+    only_sizes: bool = False,
 ) -> Fit:
     """Fit the parameters of effects that act together (Levenberg-Marquardt, in bounds).
 
@@ -177,10 +178,12 @@ def fit_effects(
             step shows (Broyden 1965), for a strong effect changes them. Those of a contact are taken anew at
             each step: how hard it is shows in a twentieth of what it changes.
         iterations: Largest number of steps tried.
+        only_sizes: Move the amplitudes alone; the shapes stay.
     """
     parametrisation = Parametrisation.of(hypotheses[searched:])
     fixed = list(starts[:searched])
     values = parametrisation.units(np.concatenate([*starts[searched:], np.zeros(0)]))
+    moving = parametrisation.amplitudes if only_sizes else np.ones(len(values), dtype=bool)
 
     def changed(at: Floats) -> list[Floats]:
         return whitened(problem, hypotheses, [*fixed, *parametrisation.split(at)], exact=exact)
@@ -196,8 +199,9 @@ def fit_effects(
     normal: tuple[Floats, Floats] | None = None
     for _ in range(iterations):
         matrix, pull = normal = normal or _normal(problem, slopes, change, parametrisation, values)
-        damped = matrix + damping * np.diag(np.diag(matrix))
-        step = np.clip(np.linalg.solve(damped, pull), -LARGEST, LARGEST)
+        damped = (matrix + damping * np.diag(np.diag(matrix)))[np.ix_(moving, moving)]
+        step = np.zeros_like(values)
+        step[moving] = np.clip(np.linalg.solve(damped, pull[moving]), -LARGEST, LARGEST)
         trial = np.clip(values + step, parametrisation.lower, parametrisation.upper)
         tried = changed(trial)
         reached = _gain(problem, tried)

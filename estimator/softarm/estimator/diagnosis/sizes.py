@@ -9,6 +9,10 @@ nominal recordings teach and weights that do not depend on the residual, and on 
 strong effect does to an arm that has moved, its linearisation gets wrong by a fixed share, and may by chance
 fit as well.
 
+Shapes, such as a time constant or a direction, stay as the search found them. No share of a regressor scales
+them, and least squares would lend them to what common coefficients do: a softening at large strains became
+one at all strains, which a stiffness that differs a little resembles.
+
 Their covariance is that of this estimator and not that of its weights (Huber 1967; White, Econometrica 48
 (1980) 817): with X the changes by each parameter, C the common columns and P the covariance of their
 coefficients,
@@ -16,7 +20,8 @@ coefficients,
     H^-1 (X'X / fraction + X'C P C'X) H^-1,    H = X'X,
 
 and, for a discrepancy that lasts for a recording, that of the estimates without one recording each
-(jackknife: Miller, Biometrika 61 (1974) 1).
+(jackknife: Miller, Biometrika 61 (1974) 1). Its inverse is what the recordings say, to which the prior's
+precision is added (Godambe, Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than beforehand.
 """
 
 from collections.abc import Sequence
@@ -44,6 +49,8 @@ from softarm.estimator.specimen.physics import EffectName
 
 Singles = NDArray[np.float32]
 
+UNBIASED = 1e-3
+"""Share of its prior precision that an estimate needs where no recording determines a parameter."""
 SPANS = 5
 """Parts of a single recording that are left out in turn."""
 
@@ -80,9 +87,11 @@ def sized(search: Search, fit: Fit) -> Fit:
     problem = MarginalisedProblem.of(
         residuals, Gaussian(np.zeros(1), np.eye(1)), search.weights.effective_sample_fraction, _NOTHING
     )
-    found = fit_effects(problem, fit.hypotheses, fit.thetas)
+    found = fit_effects(problem, fit.hypotheses, fit.thetas, only_sizes=True)
     if search.solvable(fit, answering=True):
-        again = fit_effects(problem, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS)
+        again = fit_effects(
+            problem, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS, only_sizes=True
+        )
         found = again if again.gain > (1.0 - MATERIAL) * found.gain else found
     parametrisation = Parametrisation.of(found.hypotheses)
     values = parametrisation.units(np.concatenate(found.thetas))
@@ -95,10 +104,10 @@ def sized(search: Search, fit: Fit) -> Fit:
             recorded, slope, recorded.left.ravel() - change[:, 0], common, whole=len(residuals) >= SPANS
         )
     ]
-    prior = 1.0 / parametrisation.spreads**2 / search.weights.effective_sample_fraction
-    covariance = robust_covariance(
-        parts, prior, search.prior.covariance, search.weights.effective_sample_fraction
-    )
+    prior = 1.0 / parametrisation.spreads**2
+    fraction = search.weights.effective_sample_fraction
+    spread = robust_covariance(parts, UNBIASED * prior / fraction, search.prior.covariance, fraction)
+    covariance = np.linalg.inv(np.linalg.inv(spread) + np.diag(prior))
     if reversed_sign(fit, found):
         return replace(fit, covariance=covariance)
     return replace(found, covariance=covariance, gain=fit.gain)

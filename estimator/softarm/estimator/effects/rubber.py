@@ -328,10 +328,10 @@ MATERIAL_STIFFENING = Effect(
 def mullins_softening(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
     """Soften the fibres of the wall below the largest strain so far (Mullins effect).
 
-    The segment is a thin ring of fibres. A fibre keeps the share eta = 1 - s erf((M^2 - A^2) / (w^2 + M^2))
+    The segment is a thin ring of fibres. A fibre loses the share s erf((M^2 - A^2) / (w^2 + M^2)) / erf(1)
     of its stiffness: A is a size of strain, as a bend, M the largest so far, s the strength and w a width. It
-    is the law of Ogden and Roxburgh with the scale that Mars added, at which a fibre that returns from a
-    large strain is softened alike however large that was. A^2 = (1 - i) e^2 + i E^2, with e the strain of the
+    is the law of Ogden and Roxburgh with the scale that Mars added, so that a fibre that returns from a large
+    strain has lost s, however large that was. A^2 = (1 - i) e^2 + i E^2, with e the strain of the
     fibre itself, E^2 twice the mean square of all, and i the isotropy: at i = 0 an arm that has bent to one
     side is softer there and on the opposite side, and little softer across; at i = 1 it is softer all around.
     What remains of the ring bears the same load at other strains.
@@ -344,7 +344,7 @@ def mullins_softening(signals: Signals, theta: Floats, spot: Spot, memory: Memor
     largest = np.maximum.accumulate(squares, axis=0)
     if memory:
         largest = np.maximum(largest, memory[0])
-    lost = strength * spot.segments[:, None] * erf((largest - squares) / (width**2 + largest))
+    lost = strength * spot.segments[:, None] * erf((largest - squares) / (width**2 + largest)) / erf(1.0)
     ring = RING - np.einsum("...f,fi,fj->...ij", lost, FIBRES, FIBRES) / len(FIBRES)
     softened = np.linalg.solve(ring, (strains @ RING)[..., None])[..., 0]
     changed = signals.strains.copy()
