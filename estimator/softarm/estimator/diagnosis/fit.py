@@ -165,7 +165,7 @@ def fit_effects(
     *,
     exact: bool = False,
     iterations: int = ITERATIONS,
-    only_sizes: bool = False,
+    moving: Flags | None = None,
 ) -> Fit:
     """Fit the parameters of effects that act together (Levenberg-Marquardt, in bounds).
 
@@ -178,12 +178,12 @@ def fit_effects(
             step shows (Broyden 1965), for a strong effect changes them. Those of a contact are taken anew at
             each step: how hard it is shows in a twentieth of what it changes.
         iterations: Largest number of steps tried.
-        only_sizes: Move the amplitudes alone; the shapes stay.
+        moving: Which parameters are fitted, shape (parameters,); all when left out.
     """
     parametrisation = Parametrisation.of(hypotheses[searched:])
     fixed = list(starts[:searched])
     values = parametrisation.units(np.concatenate([*starts[searched:], np.zeros(0)]))
-    moving = parametrisation.amplitudes if only_sizes else np.ones(len(values), dtype=bool)
+    moving = np.ones(len(values), dtype=bool) if moving is None else moving
 
     def changed(at: Floats) -> list[Floats]:
         return whitened(problem, hypotheses, [*fixed, *parametrisation.split(at)], exact=exact)

@@ -9,9 +9,10 @@ nominal recordings teach and weights that do not depend on the residual, and on 
 strong effect does to an arm that has moved, its linearisation gets wrong by a fixed share, and may by chance
 fit as well.
 
-Shapes, such as a time constant or a direction, stay as the search found them. No share of a regressor scales
-them, and least squares would lend them to what common coefficients do: a softening at large strains became
-one at all strains, which a stiffness that differs a little resembles.
+Shapes, such as a time constant or a width, stay as the search found them. No share of a regressor scales them,
+and least squares would lend them to what common coefficients do: a softening at large strains became one at
+all strains, which a stiffness that differs a little resembles. Where a wall or a cord is, follows the arm: it
+is fitted again, for the search sees the arm elsewhere, with the common coefficients that it finds.
 
 Their covariance is that of this estimator and not that of its weights (Huber 1967; White, Econometrica 48
 (1980) 817): with X the changes by each parameter, C the common columns and P the covariance of their
@@ -44,7 +45,9 @@ from softarm.estimator.diagnosis.fit import (
 )
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.judge import MATERIAL
+from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import Total
+from softarm.estimator.effects import ParameterSpec
 from softarm.estimator.specimen.physics import EffectName
 
 Singles = NDArray[np.float32]
@@ -87,10 +90,11 @@ def sized(search: Search, fit: Fit) -> Fit:
     problem = MarginalisedProblem.of(
         residuals, Gaussian(np.zeros(1), np.eye(1)), search.weights.effective_sample_fraction, _NOTHING
     )
-    found = fit_effects(problem, fit.hypotheses, fit.thetas, only_sizes=True)
+    moving = np.array([_is_sized(h, p) for h in fit.hypotheses for p in h.effect.parameters])
+    found = fit_effects(problem, fit.hypotheses, fit.thetas, moving=moving)
     if search.solvable(fit, answering=True):
         again = fit_effects(
-            problem, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS, only_sizes=True
+            problem, found.hypotheses, found.thetas, exact=True, iterations=EXACT_STEPS, moving=moving
         )
         found = again if again.gain > (1.0 - MATERIAL) * found.gain else found
     parametrisation = Parametrisation.of(found.hypotheses)
@@ -111,6 +115,11 @@ def sized(search: Search, fit: Fit) -> Fit:
     if reversed_sign(fit, found):
         return replace(fit, covariance=covariance)
     return replace(found, covariance=covariance, gain=fit.gain)
+
+
+def _is_sized(hypothesis: Hypothesis, parameter: ParameterSpec) -> bool:
+    """Return whether least squares fits a parameter: an amplitude, or where something is that the arm touches."""
+    return parameter.role == "amplitude" or hypothesis.effect.responds_to_own_effect
 
 
 def reversed_sign(fit: Fit, other: Fit) -> bool:
