@@ -7,7 +7,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.diagnosis.gaussian import Factor, Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import Total

@@ -9,10 +9,10 @@ nominal recordings teach and weights that do not depend on the residual, and on 
 strong effect does to an arm that has moved, its linearisation gets wrong by a fixed share, and may by chance
 fit as well.
 
-Shapes, such as a time constant or a width, stay as the search found them. No share of a regressor scales them,
-and least squares would lend them to what common coefficients do: a softening at large strains became one at
-all strains, which a stiffness that differs a little resembles. Where a wall or a cord is, follows the arm: it
-is fitted again, for the search sees the arm elsewhere, with the common coefficients that it finds.
+Shapes, such as a time constant or a width, stay as the search found them. No share of a regressor scales
+them, and least squares would lend them to what common coefficients do: a softening at large strains became
+one at all strains, which a stiffness that differs a little resembles. Where a wall or a cord is, follows the
+arm: it is fitted again, for the search sees the arm elsewhere, with the common coefficients that it finds.
 
 Their covariance is that of this estimator and not that of its weights (Huber 1967; White, Econometrica 48
 (1980) 817): with X the changes by each parameter, C the common columns and P the covariance of their
@@ -118,7 +118,7 @@ def sized(search: Search, fit: Fit) -> Fit:
 
 
 def _is_sized(hypothesis: Hypothesis, parameter: ParameterSpec) -> bool:
-    """Return whether least squares fits a parameter: an amplitude, or where something is that the arm touches."""
+    """Return whether least squares fits a parameter: an amplitude, or where the arm touches something."""
     return parameter.role == "amplitude" or hypothesis.effect.responds_to_own_effect
 
 
