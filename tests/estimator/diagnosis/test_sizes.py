@@ -158,6 +158,16 @@ def test_a_size_that_turns_out_reversed_stays_and_is_less_certain(search):
     assert found.stds(0)[0] > 1e-4
 
 
+def test_a_shape_stays_and_is_no_less_certain_than_beforehand(search):
+    """Here the width of a softening changes nothing, so only its prior limits it."""
+    softer = Hypothesis(EFFECTS["mullins_softening"], Place(segment="lower"))
+    fit = Fit((softer,), (np.array([0.01, 0.5, 0.2]),), np.eye(3) * 1e-6, 50.0, at_bound=False)
+    found = sized(search, fit)
+    assert found.thetas[0][0] == pytest.approx(MASS, rel=0.2)
+    assert found.thetas[0][1:].tolist() == [0.5, 0.2]
+    assert found.scaled_stds(0)[1] == pytest.approx(softer.effect.parameters[1].spread, rel=0.01)
+
+
 def test_the_weakest_of_uncertain_effects_is_taken_back_first(monkeypatch):
     names = ("tip_payload", "chamber_gain", "segment_stiffness")
     places = (Place(section="tip"), Place(chamber=0), Place(segment="lower"))
