@@ -424,24 +424,53 @@ def test_a_law_outdoes_effects_where_it_is_likelier_than_not_to_act_alone(law, n
 
 
 @pytest.mark.parametrize(
-    ("found", "changed", "doubt", "verdict"),
+    ("found", "changed", "verdict"),
     [
-        (True, False, None, "explained"),
-        (True, True, None, "partly_explained"),
-        (False, False, None, "consistent"),
-        (False, True, None, "unexplained"),
-        (False, False, (0.0, 0.2), "unexplained"),
-        (False, False, (0.5, 0.2), "consistent"),
-        (False, False, (0.0, 0.05), "consistent"),
+        (True, False, "explained"),
+        (True, True, "partly_explained"),
+        (False, False, "consistent"),
+        (False, True, "unexplained"),
     ],
 )
-def test_the_verdict_follows_from_findings_and_what_is_left(found, changed, doubt, verdict):
+def test_the_verdict_follows_from_findings_and_what_is_left(found, changed, verdict):
+    assert Decision(chosen(), (), None, 0.0, 1.0, changed).verdict(explained=found) == verdict
+
+
+def decide_on(monkeypatch, choice, **made):
+    """Decide where the search ends so; nothing is left, and no law without a name outdoes anything."""
+    usual = {
+        "proven": (choice, []),
+        "without_fragments": (choice, None, []),
+        "unnamed_law": UnnamedLaw(0.0, 0.0, 0.0, (), Place(), ""),
+        "_remainder": 1.0,
+        "_changed": False,
+    }
+    for name, value in (usual | made).items():
+        monkeypatch.setattr(diagnose, name, lambda *_, value=value: value)
+    return diagnose.decide(cast("Any", None))
+
+
+@pytest.mark.parametrize(
+    ("left", "doubt", "probability", "changed"),
+    [
+        (2.0, None, 0.9, True),
+        (2.0, None, 0.1, False),
+        (1.0, (0.0, 0.2), 0.9, True),
+        (1.0, (0.0, 0.2), 0.1, False),
+        (1.0, (0.5, 0.2), 0.9, False),
+        (1.0, (0.0, 0.05), 0.9, False),
+    ],
+)
+def test_something_unknown_is_reported_where_a_sign_of_it_is_likelier_than_not(
+    monkeypatch, left, doubt, probability, changed
+):
     plain = chosen()
     if doubt is not None:
         alarm, low = doubt
         turned_down = candidate(fit_of("tip_payload", 0.02), 20.0), judgement(gain_ci95=(low, 0.9))
         plain = ChosenEffects((), None, alarm, turned_down)
-    assert Decision(plain, (), None, 0.0, 1.0, changed).verdict(explained=found) == verdict
+    decision = decide_on(monkeypatch, plain, _remainder=left, unnamed_probability=probability)
+    assert decision.changed is changed
 
 
 def searching(library: Library) -> Search:
@@ -647,19 +676,7 @@ def test_without_confirming_stretches_nothing_is_unproven():
 
 @pytest.mark.parametrize(("probability", "changed"), [(0.99, True), (0.5, False)])
 def test_a_law_alone_shows_that_something_is_missing_if_it_is_probable(monkeypatch, *, probability, changed):
-    nothing = chosen()
     law = UnnamedLaw(2.0 * CERTAIN, 0.0, 1.0, (), Place(), "pressure level")
-    made = {
-        "proven": lambda _: (nothing, []),
-        "without_fragments": lambda _, choice: (choice, None, []),
-        "unnamed_law": lambda *_: law,
-        "unnamed_probability": lambda *_: probability,
-        "held_out": lambda *_, **__: SimpleNamespace(rms=lambda: (1.0, 1.0)),
-        "_remainder": lambda *_: 1.0,
-        "_changed": lambda *_: False,
-    }
-    for name, function in made.items():
-        monkeypatch.setattr(diagnose, name, function)
-    decision = diagnose.decide(cast("Any", None))
+    decision = decide_on(monkeypatch, chosen(), unnamed_law=law, unnamed_probability=probability)
     assert decision.changed is changed
     assert decision.law == (replace(law, probability=probability) if changed else None)

@@ -1,6 +1,7 @@
 """Sentences are true of their numbers, and page, terminal and ``report.json`` hold the same numbers."""
 
 import json
+import re
 from dataclasses import replace
 
 import pytest
@@ -25,6 +26,20 @@ def test_down_to_the_noise_is_said_only_where_the_error_is_near_it(after: float,
     words = sentences.verdict(explained(after))
     assert ("but not down to the noise" not in words) is down
     assert f"from 40 to {after:g} times the noise" in words
+
+
+@pytest.mark.parametrize(
+    ("before", "words"),
+    [
+        (8.1, "show in the readings themselves.*stays at 8.1 times"),
+        (6.5, "it was 6.5 and is 8.1 times the noise"),
+    ],
+)
+def test_an_error_that_does_not_fall_is_stated(before: float, words: str):
+    made = explained(8.1)
+    said = sentences.verdict(replace(made, heldout=replace(made.heldout, before=before)))
+    assert re.search(words, said)
+    assert "explain" not in said
 
 
 def test_a_verdict_with_nominal_recordings_compares_with_them():

@@ -55,7 +55,7 @@ from softarm.estimator.diagnosis.stuck import (
 )
 from softarm.estimator.diagnosis.swapped import refuse_swapped
 from softarm.estimator.diagnosis.traces import traces_of
-from softarm.estimator.diagnosis.unnamed import UnnamedLaw, unnamed_law, unnamed_probability
+from softarm.estimator.diagnosis.unnamed import LIKELIER, UnnamedLaw, unnamed_law, unnamed_probability
 from softarm.estimator.diagnosis.vibration import fit_vibration, with_vibration
 from softarm.estimator.diagnosis.words import possible
 from softarm.estimator.effects import EFFECTS
@@ -252,9 +252,10 @@ class Decision:
         dropped: Names of those that did not hold on data that confirm, or are no longer
             distinguishable from zero.
         law: A law without a name, where it outdoes the effects that were found.
-        unnamed: Probability that what acts has no name, against the effects that are reported.
+        unnamed: Probability that what acts has no name.
         remainder: What no known effects explain, over the same of nominal recordings.
-        changed: Whether the recordings in question have changed more than the effects say.
+        changed: Whether the recordings in question have changed more than the effects say; where there are
+            none, whether it is likelier than not that something without a name acts.
     """
 
     choice: ChosenEffects
@@ -272,9 +273,7 @@ class Decision:
         """
         if explained:
             return "partly_explained" if self.changed else "explained"
-        turned_down, alarm = self.choice.turned_down, self.choice.alarm_p
-        doubtful = turned_down is not None and turned_down[1].gain_ci95[0] > DOUBTFUL
-        return "unexplained" if self.changed or (doubtful and alarm < SIGNIFICANT) else "consistent"
+        return "unexplained" if self.changed else "consistent"
 
 
 def decide(search: Search) -> Decision:
@@ -282,17 +281,25 @@ def decide(search: Search) -> Decision:
     choice, unproven = proven(search)
     choice, sizes, fragments = without_fragments(search, choice)
     unnamed = unnamed_law(search, choice.fit)
-    law = unnamed if unnamed.outdoes else None
-    if law is not None and choice.fit is None:
+    law, probability = unnamed if unnamed.outdoes else None, unnamed.probability
+    found = choice.fit is not None
+    if law is not None and not found:
         probability = unnamed_probability(search, CHANGED)
         law = replace(law, probability=probability) if probability >= CREDIBLE else None
     if law is not None:
         choice, sizes = replace(choice, accepted=(), fit=None), None
     remainder = _remainder(search, choice)
     changed = law is not None or remainder > STRUCTURE or _changed(search, choice)
-    return Decision(
-        replace(choice, fit=sizes), (*unproven, *fragments), law, unnamed.probability, remainder, changed
-    )
+    if law is None and not found and (changed or _is_doubtful(choice)):
+        probability = unnamed_probability(search, CHANGED)
+        changed = probability > LIKELIER
+    return Decision(replace(choice, fit=sizes), (*unproven, *fragments), law, probability, remainder, changed)
+
+
+def _is_doubtful(choice: ChosenEffects) -> bool:
+    """Return whether an effect that was turned down shows that something is missing."""
+    turned_down = choice.turned_down
+    return turned_down is not None and turned_down[1].gain_ci95[0] > DOUBTFUL and choice.alarm_p < SIGNIFICANT
 
 
 def _require_predictions(stages: Sequence[Stage]) -> None:
@@ -350,8 +357,7 @@ def _outcome(
         worst=worst_stretch(search, after),
     )
     if verdict == "unexplained":
-        probability = law.probability if law is not None else unnamed_probability(search, CHANGED)
-        findings = (unknown(unexplained, heldout, choice.alarm_p, law, probability),)
+        findings = (unknown(unexplained, heldout, choice.alarm_p, law, decision.unnamed),)
     diagnosis = Diagnosis(
         specimen=evidence.specimen,
         recordings=tuple(stage.session.name for stage in suspects),

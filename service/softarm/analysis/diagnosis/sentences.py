@@ -107,10 +107,15 @@ def verdict(diagnosis: Diagnosis) -> str:
             "The model is missing physics that no known effect explains: the error on unseen data is "
             f"{after}.{known}"
         )
-    if heldout.after >= heldout.before:
+    if number(heldout.after) == number(heldout.before):
         return (
             "The findings below show in the readings themselves. The error of the model on unseen data stays "
             f"at {after}."
+        )
+    if heldout.after > heldout.before:
+        return (
+            "The findings below show in the recordings that decided. On unseen data the error does not fall: "
+            f"it was {number(heldout.before)} and is {after}."
         )
     if diagnosis.verdict == "partly_explained":
         return (
