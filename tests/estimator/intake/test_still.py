@@ -76,6 +76,16 @@ def test_an_axis_that_stands_still_is_a_finding_and_nothing_else_is_found(bends:
     assert finding.parameters["since"].value == pytest.approx(0.0)
 
 
+@pytest.mark.parametrize("noise", [0.0, 2e-5])
+def test_a_body_stands_still_that_hangs_below_one_that_moves(noise: float) -> None:
+    recording = arm.small_arm(parts=("frame",))
+    held = {n: float(v[recording.time >= FROM][0]) for n, v in recording.columns.items() if "frame_tip" in n}
+    mended, (fault,) = mend_still(_held(recording, held, FROM, noise), SPECIMEN)
+    assert fault.columns == ("frame_tip",)
+    assert fault.interval == pytest.approx((FROM, recording.time[-1]), abs=1.0)
+    assert np.isnan(mended.columns["frame_tip_x_m"][recording.time >= FROM + 1.0]).all()
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_sensors_that_live_are_left_alone(seed: int) -> None:
     recording = arm.small_arm(seed)

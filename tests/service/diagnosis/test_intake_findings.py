@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.intake import with_intakes
-from softarm.estimator.intake import Disturbance, Intake
+from softarm.estimator.intake import Disturbance, Intake, RecordingFault
 from softarm.estimator.recording import Recording
 from tests.service.diagnosis.made_diagnosis import diagnosis
 
@@ -27,3 +27,17 @@ def test_beside_a_law_without_a_name_nobody_can_say_what_is_an_event(nominal, ve
     found = with_intakes(replace(diagnosis(), nominal=nominal, verdict=verdict, findings=()), [INTAKE], ())
     assert [one.effect for one in found.findings] == (["event"] if reported else [])
     assert any(EVENT.statement in note for note in found.notes) != reported
+
+
+def test_a_sensor_that_stands_still_in_several_recordings_is_one_finding():
+    def stuck(run: str, since: float) -> Intake:
+        cure = "it is stuck and left out meanwhile"
+        fault = RecordingFault(run, "stuck", ("frame_tip",), "it stands still", cure, interval=(since, 40.0))
+        return Intake(Recording(run, np.arange(5.0), {}), (fault,))
+
+    intakes = [stuck("run_00", 20.5), stuck("run_01", 3.0)]
+    (finding,) = with_intakes(replace(diagnosis(), findings=()), intakes, ()).findings
+    assert (finding.effect, finding.where.sensor, finding.recording) == ("sensor_stuck", "frame_tip", None)
+    assert finding.parameters["since"].value == 3.0
+    assert "run_00: it stands still" in finding.statement
+    assert "run_01: it stands still" in finding.statement

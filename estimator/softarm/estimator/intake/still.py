@@ -4,6 +4,7 @@ A sensor that lives shows noise. Where one repeats a number for seconds although
 times, or another one shows noise meanwhile, it stands still. Where it goes on showing noise, what it should
 see decides: chambers bend a section towards their azimuths a_k, so the drive v = sum_k p_k (cos a_k, sin a_k)
 becomes a bend B v, with B a gain times a rotation or a reflection. Each axis tells what the other should see.
+A body that hangs below one that moves cannot stand still.
 """
 
 from collections.abc import Iterator, Sequence
@@ -130,7 +131,7 @@ class Still:
 def mend_still(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Count as lost what sensors and axes read while they stand still, and name each."""
     faults: list[RecordingFault] = []
-    for find in (_repeated, _unmoved):
+    for find in (_repeated, _unmoved, _left_behind):
         columns = dict(recording.columns)
         for one in _merged(find(recording, specimen), recording.time):
             faults.append(one.fault(recording))
@@ -227,7 +228,9 @@ def _unmoved(recording: Recording, specimen: Specimen) -> list[Still]:
     ]
     found = []
     for stream, bend in zip(streams, bends, strict=True):
-        for axis, (first, beyond) in ((k, one) for k in (0, 1) for one in _quiet(bend.values[:, k])):
+        for axis, (first, beyond) in (
+            (k, one) for k in (0, 1) for one in _quiet(bend.values[:, [k]], QUIET["rad"])
+        ):
             inside = (windows >= first) & (windows < beyond) & np.isfinite(stream.values[:, axis])
             seen = np.flatnonzero(inside)
             if not len(seen) or np.ptp(recording.time[seen]) < LEAST:
@@ -236,6 +239,34 @@ def _unmoved(recording: Recording, specimen: Specimen) -> list[Still]:
             if wanted > CLEAR * QUIET["rad"]:
                 words = f"while the pressures should move it by about {np.degrees(wanted):.0f} degrees"
                 found.append(Still(stream.name, "xy"[axis], (stream.columns[axis],), seen, words))
+    return found
+
+
+def _left_behind(recording: Recording, specimen: Specimen) -> list[Still]:
+    """Find bodies that show nothing but noise while a body above them moves."""
+    if len(recording.time) < 2:
+        return []
+    windows = ((recording.time - recording.time[0]) / WINDOW).astype(np.int64)
+    heights = {one.name: one.from_m for one in specimen.sections}
+    bodies = sorted(
+        (stream for stream in streams_of(recording, specimen) if stream.kind == "frame"),
+        key=lambda stream: heights.get(stream.target, 0.0),
+    )
+    moved = [means(body.values, windows, int(windows[-1]) + 1) for body in bodies]
+    limits = np.array([QUIET[unit] for unit in ("m",) * 3 + ("rad",) * 3])
+    found = []
+    for number, (body, values) in enumerate(zip(bodies, moved, strict=True)):
+        for first, beyond in _quiet(values, limits):
+            seen = np.flatnonzero(
+                (windows >= first) & (windows < beyond) & np.isfinite(body.values).all(axis=1)
+            )
+            if not len(seen) or np.ptp(recording.time[seen]) < LEAST:
+                continue
+            above = [other[first:beyond, :3] for other in moved[:number]]
+            ways = [float(np.nan_to_num(_spread(axis))) for other in above for axis in other.T]
+            if max(ways, default=0.0) > CLEAR * QUIET["m"]:
+                words = f"while a body above it moves by {1e3 * max(ways):.0f} mm"
+                found.append(Still(body.name, None, body.columns, seen, words))
     return found
 
 
@@ -254,13 +285,19 @@ def _drive(recording: Recording, specimen: Specimen, section: str) -> Floats:
     return drive
 
 
-def _quiet(values: Floats) -> Iterator[tuple[int, int]]:
-    """List the longest stretches of at least ``LEAST`` seconds in which means stay within ``QUIET``."""
+def _quiet(values: Floats, limits: Floats | float) -> Iterator[tuple[int, int]]:
+    """List the longest stretches of at least ``LEAST`` seconds in which all means stay within limits.
+
+    Args:
+        values: Means, shape (windows, columns).
+        limits: Of each column.
+    """
     first = 0
     while first < len(values):
-        low = np.fmin.accumulate(values[first:])
-        high = np.fmax.accumulate(values[first:])
-        beyond = first + int(np.argmin(np.append(~(high - low > QUIET["rad"]), False)))
+        low = np.fmin.accumulate(values[first:], axis=0)
+        high = np.fmax.accumulate(values[first:], axis=0)
+        left = (high - low > limits).any(axis=1)
+        beyond = first + int(np.argmax(np.append(left, True)))
         if (beyond - first) * WINDOW >= LEAST:
             yield first, beyond
             first = beyond

@@ -10,6 +10,7 @@ from softarm.estimator.diagnosis.admit import usable
 from softarm.estimator.diagnosis.result import Diagnosis, Evidence, Finding, Quantity
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
 from softarm.estimator.intake.result import NO_MISMATCH
+from softarm.estimator.intake.still import WINDOW
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
@@ -66,12 +67,12 @@ def with_intakes(diagnosis: Diagnosis, intakes: Sequence[Intake], notes: Sequenc
             *(f"{event.statement} What acts without a name may have caused it." for event in events),
         )
         events = []
-    mismatches = [
-        mismatch_finding(one)
-        for intake in intakes
-        for one in intake.mismatches
-        if one.kind not in NO_MISMATCH
-    ]
+    faults = [one for intake in intakes for one in intake.mismatches if one.kind not in NO_MISMATCH]
+    # A sensor that stands still in several recordings is one finding.
+    alike: dict[object, list[RecordingFault]] = {}
+    for number, one in enumerate(faults):
+        alike.setdefault(one.columns if one.kind == "stuck" else number, []).append(one)
+    mismatches = [mismatch_finding(*group) for group in alike.values()]
     findings = (*mismatches, *diagnosis.findings, *map(event_finding, events))
     return replace(diagnosis, findings=findings, notes=(*notes, *diagnosis.notes))
 
@@ -105,19 +106,26 @@ def event_finding(event: Disturbance) -> Finding:
     )
 
 
-def mismatch_finding(mismatch: RecordingFault) -> Finding:
-    """Report a sensor that stands still, or a frame, label, unit or clock that was mended."""
+def mismatch_finding(mismatch: RecordingFault, *more: RecordingFault) -> Finding:
+    """Report a sensor that stands still, or a frame, label, unit or clock that was mended.
+
+    Args:
+        mismatch: The fault.
+        more: The same fault in other recordings.
+    """
+    every = (mismatch, *more)
     one = mismatch.columns[0] if len(mismatch.columns) == 1 else None
-    gain = float(np.log(min(mismatch.odds, SURE)))
+    odds = min(max(fault.odds for fault in every), SURE)
     stuck = mismatch.kind == "stuck" and mismatch.interval is not None
     sensor, _, axis = (one or "").partition(".")
+    begins = [fault.interval[0] for fault in every if fault.interval]
     return Finding(
         "sensor_stuck" if stuck else "frame_mismatch",
         Place(sensor=sensor or None, axis=axis or None),
         "time of the run" if stuck else "always",
-        mismatch.statement,
-        {"since": Quantity(mismatch.interval[0], 0.1, "s")} if mismatch.interval else {},
-        Evidence(gain, 0.0, 0.0, (0.0, 0.0), float("nan")),
-        probability=1.0 - 1.0 / (1.0 + min(mismatch.odds, SURE)),
-        recording=mismatch.recording,
+        " ".join(fault.statement for fault in every),
+        {"since": Quantity(min(begins), WINDOW, "s")} if begins else {},
+        Evidence(float(np.log(odds)), 0.0, 0.0, (0.0, 0.0), float("nan")),
+        probability=1.0 - 1.0 / (1.0 + odds),
+        recording=None if more else mismatch.recording,
     )
