@@ -48,7 +48,7 @@ class LeasedConnection(Connection):
         return token, remaining_s
 
     def release(self) -> None:
-        """Give the lease back."""
+        """Return the lease back."""
         self.command("lease/release")
         self._lease = None
 

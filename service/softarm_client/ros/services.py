@@ -38,7 +38,7 @@ class LeaseKeeper:
         return "the node holds the lease"
 
     def release(self) -> str:
-        """Give the lease back if it is held."""
+        """Return the lease back if it is held."""
         self._exit.close()
         self._held = None
         return "the node does not hold the lease"

@@ -210,7 +210,7 @@ def test_outliers_do_not_move_it(sopra: Specimen) -> None:
 
 
 def finely_calibrated(plain: Specimen) -> Specimen:
-    """Give a specimen in which everything that acts on a pressure does something."""
+    """Return a specimen in which everything that acts on a pressure does something."""
     chambers = tuple(
         plain.calibration.chamber(k).model_copy(
             update={

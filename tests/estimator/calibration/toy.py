@@ -91,7 +91,7 @@ class ToyModel:
         return Frames(found.positions[0], found.rotations[0])
 
     def batch(self, pressures: Floats, scales: Floats, loads: Floats) -> Frames:
-        """Give frames for many pressures, shape (samples, 6), factors, shape (samples, 2), and loads."""
+        """Return frames for many pressures, shape (samples, 6), factors, shape (samples, 2), and loads."""
         samples = len(pressures)
         positions, rotations = np.zeros((samples, 3, 3)), np.zeros((samples, 3, 3, 3))
         rotations[:, 0] = np.eye(3)

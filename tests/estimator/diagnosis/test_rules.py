@@ -66,7 +66,7 @@ def fit_of(name: str, *theta: float, deviation: float = 1e-3, gain: float = 100.
 
 
 def candidate(fit: Fit, delta_bic: float, number: int = 0) -> Candidate:
-    return Candidate(number, fit, delta_bic + 10.0, delta_bic)
+    return Candidate(number, fit, delta_bic)
 
 
 def judgement(**changes: Any) -> Judgement:

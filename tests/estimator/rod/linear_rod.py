@@ -15,7 +15,7 @@ LINEAR_DENSITY = 0.8  # kg/m
 def linear_rod(
     links: int = 8, curl: float = 0.0, quadratic: float = 0.0, scaled: bool = False
 ) -> CalibratedRod:
-    """Give a rod of two segments with three pressures each.
+    """Return a rod of two segments with three pressures each.
 
     Args:
         links: Number of links, even.

@@ -21,7 +21,7 @@ pytestmark = [
 
 
 def places(specimen: Specimen, section: str) -> tuple[list[str], Floats]:
-    """Give the markers of a section and their places in the base frame at rest [m]."""
+    """Return the markers of a section and their places in the base frame at rest [m]."""
     markers = [marker for marker in specimen.markers if marker.section == section]
     origin = np.array(specimen.section(section).frame_origin_m)
     return [marker.name for marker in markers], origin + np.array([marker.offset_m for marker in markers])

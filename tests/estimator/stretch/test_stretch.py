@@ -162,7 +162,7 @@ def test_pressures_of_another_stretch_are_out_of_balance(sopra: Specimen) -> Non
 
 
 def shipped(specimen: Specimen) -> StretchedModel:  # type: ignore[type-arg]
-    """Give the shipped rod, stretched."""
+    """Return the shipped rod, stretched."""
     known = shipped_rod(shape_key(specimen))
     assert known is not None
     pull = Load("tip_x", "force", (1.0, 0.0, 0.0), section="tip")

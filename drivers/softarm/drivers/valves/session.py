@@ -214,7 +214,7 @@ class BankSession:
         self._outputs.vent(reason)
 
     def _check_taken(self, refusal: ModbusExceptionError) -> None:
-        """Give up the connection of a terminal that stays busy: only its watchdog can vent then.
+        """Return up the connection of a terminal that stays busy: only its watchdog can vent then.
 
         Raises:
             ConnectionLost: It has taken no set-point for the time of a watchdog.

@@ -104,7 +104,7 @@ def admit(suspects: Sequence[Recording], nominal: Sequence[Recording], specimen:
 
 
 def motion_columns(recording: Recording) -> dict[str, Floats]:
-    """Give the columns that tell of the arm's motion."""
+    """Return the columns that tell of the arm's motion."""
     kinds = ("frame_", "bend_", "marker_")
     return {name: values for name, values in recording.columns.items() if name.startswith(kinds)}
 
@@ -208,7 +208,7 @@ def _breaks(time: Floats) -> bool:
 
 
 def _lost(time: Floats, observed: NDArray[np.bool_]) -> float:
-    """Give the share of a sensor's own readings that are missing; streams may be of different rates."""
+    """Return the share of a sensor's own readings that are missing; streams may be of different rates."""
     if observed.sum() < 3:
         return 1.0
     expected = float(time[-1] - time[0]) / float(np.median(np.diff(time[observed]))) + 1.0

@@ -26,13 +26,12 @@ class Candidate:
     Args:
         number: Its number in the library.
         fit: The fit, together with the effects accepted before.
-        gain: By how much it lowers the cost.
-        delta_bic: The same less the penalty of its parameters and of a size that nobody expects.
+        delta_bic: By how much it lowers the cost, less the penalty of its parameters and of a size that
+            nobody expects.
     """
 
     number: int
     fit: Fit
-    gain: float
     delta_bic: float
 
 
@@ -82,7 +81,7 @@ def plainest_first(field: list[Candidate]) -> list[Candidate]:
 
 
 def surprise(fit: Fit) -> float:
-    """Give how unlikely the sizes of a fit's last effect are beforehand, as a cost."""
+    """Return how unlikely the sizes of a fit's last effect are beforehand, as a cost."""
     sizes = [
         (value / parameter.spread) ** 2
         for parameter, value in zip(
@@ -138,7 +137,7 @@ def restates(richer: Fit, plain: Fit) -> bool:
 
 
 def _parts(fit: Fit) -> Iterator[tuple[ParameterSpec, float, bool]]:
-    """Give each parameter of a fit's last effect, its value, and whether that is significant."""
+    """Return each parameter of a fit's last effect, its value, and whether that is significant."""
     number = len(fit.hypotheses) - 1
     parameters = fit.hypotheses[number].effect.parameters
     stds = fit.scaled_stds(number).tolist()

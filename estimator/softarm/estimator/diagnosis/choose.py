@@ -131,7 +131,7 @@ class Search:
         return ChosenEffects(tuple(accepted), fit, alarm_p, turned_down)
 
     def parts(self, fit: Fit | None) -> list[NormalEquations]:
-        """Give the products of the residuals that accepted effects leave, without nominal recordings."""
+        """Return the products of the residuals that accepted effects leave, without nominal recordings."""
         key = _key(fit)
         if key not in self.products:
             products = self.evidence.products(self.weights, self.residuals(fit))
@@ -139,7 +139,7 @@ class Search:
         return self.products[key]
 
     def residuals(self, fit: Fit | None) -> list[Floats]:
-        """Give the residuals that accepted effects leave; nominal recordings have none of them."""
+        """Return the residuals that accepted effects leave; nominal recordings have none of them."""
         if fit is None:
             return list(self.evidence.residuals)
         key = _key(fit)
@@ -151,7 +151,7 @@ class Search:
         return self.kept[key]
 
     def change(self, stage: Stage, fit: Fit) -> Floats:
-        """Give what the effects of a fit change in a session, shape (samples, rows)."""
+        """Return what the effects of a fit change in a session, shape (samples, rows)."""
         placed = [
             h.placed(stage.world, theta)
             for h, theta in zip(fit.hypotheses, fit.thetas, strict=True)
@@ -213,7 +213,7 @@ class Search:
     def weighed(self, number: int, fit: Fit, accepted: Fit | None) -> Candidate:
         """Set the gain of a fit, less that of what nominal recordings have of it, against its parameters."""
         theta = fit.thetas[-1]
-        candidate = Candidate(number, fit, fit.gain, -np.inf)
+        candidate = Candidate(number, fit, -np.inf)
         gain = fit.gain - self.predicted(candidate, accepted).background_gain
         return replace(candidate, delta_bic=gain - self.bic_penalty * len(theta) - surprise(fit))
 
@@ -329,7 +329,7 @@ class Search:
         return "delay" in self.effect(candidate).equivalence
 
     def effect(self, candidate: Candidate) -> Effect:
-        """Give the effect of a candidate."""
+        """Return the effect of a candidate."""
         return self.evidence.library.hypotheses[candidate.number].effect
 
     def judge(self, candidate: Candidate, fit: Fit | None, null: Floats) -> Judgement:

@@ -70,7 +70,7 @@ class Predictions:
     counts: Floats
 
     def rms(self) -> tuple[float, float]:
-        """Give the normalised root mean squares before and after."""
+        """Return the normalised root mean squares before and after."""
         total_count = max(float(self.counts.sum()), 1.0)
         return (
             float(np.sqrt(max(self.before.sum(), 0.0) / total_count)),
@@ -131,7 +131,7 @@ def _over_noise(search: Search, stage: Stage) -> Floats:
 
 
 def _squares(search: Search, fit: Fit | None, common: Floats) -> tuple[Floats, Floats]:
-    """Give the squares over the noise, and their number, of each reported stretch."""
+    """Return the squares over the noise, and their number, of each reported stretch."""
     squares: list[float] = []
     counts: list[float] = []
     for number, residual in enumerate(search.residuals(fit)):
@@ -279,7 +279,7 @@ def _draws(rng: np.random.Generator, count: int) -> list[list[int]]:
 def _gain(
     search: Search, before: Sequence[NormalEquations], after: Sequence[NormalEquations], chosen: Sequence[int]
 ) -> float:
-    """Give by how much effects lower the cost of some held-out stretches."""
+    """Return by how much effects lower the cost of some held-out stretches."""
     seen = _marginaliser(search, [after[k] for k in chosen])
     return seen.renewed([before[k] for k in chosen]).cost - seen.cost
 
@@ -474,7 +474,7 @@ def _exposure(search: Search, choice: ChosenEffects, index: int) -> Exposure | N
 
 
 def exposing_variable(stage: Stage, name: str, place: Place) -> tuple[str, str, Floats]:
-    """Give the variable against which an effect's residual shows best: its name, unit and values."""
+    """Return the variable against which an effect's residual shows best: its name, unit and values."""
     regime = EFFECTS[name].when
     session = stage.session
     if regime == "pressure level":

@@ -319,7 +319,7 @@ def _columns(work: tuple[Stage, Library]) -> NDArray[np.float32]:
 
 
 def _common_world(stages: Sequence[Stage]) -> Stage:
-    """Give the stage with the most sensors."""
+    """Return the stage with the most sensors."""
     return max(stages, key=lambda stage: len(stage.world.sensors))
 
 
@@ -404,7 +404,7 @@ def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:
 
 
 def _remainder(search: Search, choice: ChosenEffects) -> float:
-    """Give what the library cannot explain of the recordings in question, over the same of nominal ones.
+    """Return what the library cannot explain of the recordings in question, over the same of nominal ones.
 
     Without nominal recordings it is over the noise and what few samples leave open: then nobody says that a
     mismatch is usual.

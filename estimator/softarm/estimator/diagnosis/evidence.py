@@ -170,7 +170,7 @@ class RegressionProblem:
         return products
 
     def scale(self, weights: Weights, number: int) -> Floats:
-        """Give the standard deviation of each residual of a session, shape (samples, rows)."""
+        """Return the standard deviation of each residual of a session, shape (samples, rows)."""
         stage = self.stages[number]
         row = weights.stds(channels(stage.suite))
         std: Floats = np.hypot(stage.error_std(row), self._mismatch_error_std[number])
@@ -242,7 +242,7 @@ class RegressionProblem:
         return shrunk
 
     def leftover(self, weights: Weights, residuals: Sequence[Floats], *, nominal: bool) -> float:
-        """Give the rms, over its scatter, of what everything at once leaves of some recordings."""
+        """Return the rms, over its scatter, of what everything at once leaves of some recordings."""
         shrunk = self._calmed(self._fullest(weights, residuals, nominal=nominal), weights)
         squares = [
             (residual[~stage.session.heldout] / weights.stds(names)).ravel() ** 2
@@ -252,7 +252,7 @@ class RegressionProblem:
         return float(np.sqrt(np.nanmean(np.concatenate(squares)))) if squares else 0.0
 
     def _fullest(self, weights: Weights, residuals: Sequence[Floats], *, nominal: bool) -> list[Floats]:
-        """Give what everything at once leaves of nominal, or other, recordings, widened by what it spent."""
+        """Return what everything at once leaves of nominal, or other, recordings, widened by what it fits."""
         every = self.products(weights, residuals)
         parts = [p for p in every if not p.heldout and p.nominal == nominal]
         if not parts:
@@ -301,6 +301,6 @@ class RegressionProblem:
 
 
 def _groups(stage: Stage) -> list[tuple[str, str]]:
-    """Give sensor and unit of each row."""
+    """Return sensor and unit of each row."""
     names = (name.rpartition(".")[0] for name in channels(stage.suite))
     return list(zip(names, stage.suite.units, strict=True))

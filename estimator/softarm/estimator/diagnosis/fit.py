@@ -90,7 +90,7 @@ class MarginalisedProblem:
         ]
 
     def projected(self, changes: Sequence[Floats]) -> tuple[Floats, Floats]:
-        """Give M and b for whitened changes of all sessions, each of shape (samples * rows, k)."""
+        """Return M and b for whitened changes of all sessions, each of shape (samples * rows, k)."""
         k = changes[0].shape[1]
         gram, right = np.zeros((k, k)), np.zeros(k)
         cross = np.zeros((len(self.right), k))
@@ -140,18 +140,18 @@ class Fit:
         )
 
     def stds(self, number: int) -> Floats:
-        """Give the standard deviations of one effect's parameters, shape (parameters,)."""
+        """Return the standard deviations of one effect's parameters, shape (parameters,)."""
         parameters, theta = self.hypotheses[number].effect.parameters, self.thetas[number]
         entries = zip(parameters, theta.tolist(), self.scaled_stds(number).tolist(), strict=True)
         return np.array([p.deviation(value, std) for p, value, std in entries])
 
     def scaled_stds(self, number: int) -> Floats:
-        """Give the same in units of the fit."""
+        """Return the same in units of the fit."""
         stds: Floats = np.sqrt(np.maximum(np.diag(self.scaled_covariance(number)), 0.0))
         return stds
 
     def scaled_covariance(self, number: int) -> Floats:
-        """Give the covariance of one effect's parameters in units of the fit."""
+        """Return the covariance of one effect's parameters in units of the fit."""
         ends = np.cumsum([0, *(len(theta) for theta in self.thetas)])
         own = slice(int(ends[number]), int(ends[number + 1]))
         return np.asarray(self.covariance[own, own], dtype=np.float64)
@@ -161,7 +161,6 @@ def fit_effects(
     problem: MarginalisedProblem,
     hypotheses: Sequence[Hypothesis],
     starts: Sequence[Floats],
-    searched: int = 0,
     *,
     exact: bool = False,
     iterations: int = ITERATIONS,
@@ -173,28 +172,26 @@ def fit_effects(
         problem: What is fitted to, with the common coefficients.
         hypotheses: The effects.
         starts: Parameters to begin with.
-        searched: First effect whose parameters move; those before it stay.
         exact: Solve the model itself. Derivatives begin as those of its linearisation and follow what each
             step shows (Broyden 1965), for a strong effect changes them. Those of a contact are taken anew at
             each step: how hard it is shows in a twentieth of what it changes.
         iterations: Largest number of steps tried.
         moving: Which parameters are fitted, shape (parameters,); all when left out.
     """
-    parametrisation = Parametrisation.of(hypotheses[searched:])
-    fixed = list(starts[:searched])
-    values = parametrisation.units(np.concatenate([*starts[searched:], np.zeros(0)]))
+    parametrisation = Parametrisation.of(hypotheses)
+    values = parametrisation.units(np.concatenate(starts))
     moving = np.ones(len(values), dtype=bool) if moving is None else moving
 
     def changed(at: Floats) -> list[Floats]:
-        return whitened(problem, hypotheses, [*fixed, *parametrisation.split(at)], exact=exact)
+        return whitened(problem, hypotheses, parametrisation.split(at), exact=exact)
 
     change = changed(values)
     gain, damping, refused = _gain(problem, change), FIRST_DAMPING, 0
     answering = exact and any(h.effect.responds_to_own_effect for h in hypotheses)
-    here = [*fixed, *parametrisation.split(values)]
+    here = parametrisation.split(values)
     linear = whitened(problem, hypotheses, here, exact=False) if exact and not answering else change
-    slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values, linear, exact=answering)
-    if exact and not searched and not answering:  # without amplitudes nothing changes
+    slopes = slopes_of(problem, hypotheses, parametrisation, values, linear, exact=answering)
+    if exact and not answering:  # without amplitudes nothing changes
         _secant(slopes, np.where(parametrisation.amplitudes, values - parametrisation.centres, 0.0), change)
     normal: tuple[Floats, Floats] | None = None
     for _ in range(iterations):
@@ -217,11 +214,11 @@ def fit_effects(
         values, change, gain, refused, normal = trial, tried, reached, 0, None
         damping = max(0.1 * damping, LEAST_DAMPING)
         if answering or not exact:
-            slopes = slopes_of(problem, hypotheses, fixed, parametrisation, values, change, exact=exact)
+            slopes = slopes_of(problem, hypotheses, parametrisation, values, change, exact=exact)
         if improved < SETTLED:
             break
     matrix, _ = normal or _normal(problem, slopes, change, parametrisation, values)
-    thetas = (*fixed, *parametrisation.split(values))
+    thetas = tuple(parametrisation.split(values))
     return Fit(
         tuple(hypotheses),
         thetas,
@@ -239,7 +236,7 @@ def _normal(
     parametrisation: "Parametrisation",
     values: Floats,
 ) -> tuple[Floats, Floats]:
-    """Give the normal equations of a step: the matrix and the right side."""
+    """Return the normal equations of a step: the matrix and the right side."""
     both = [np.column_stack([s, c]) for s, c in zip(slopes, change, strict=True)]
     product, vector = problem.projected(both)
     prior = 1.0 / parametrisation.spreads**2
@@ -259,7 +256,7 @@ def _secant(slopes: list[Floats], step: Floats, change: list[Floats]) -> None:
 def whitened(
     problem: MarginalisedProblem, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats], *, exact: bool
 ) -> list[Floats]:
-    """Give what effects change, over the residuals' scale, each session flattened to one column."""
+    """Return what effects change, over the residuals' scale, each session flattened to one column."""
     changes = []
     for recorded in problem.residuals:
         world = recorded.stage.world
@@ -276,7 +273,7 @@ def whitened(
 def gain_of(
     problem: MarginalisedProblem, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]
 ) -> float:
-    """Give by how much effects lower the cost on the model itself."""
+    """Return by how much effects lower the cost on the model itself."""
     return _gain(problem, whitened(problem, hypotheses, thetas, exact=True))
 
 
@@ -288,7 +285,6 @@ def _gain(problem: MarginalisedProblem, change: Sequence[Floats]) -> float:
 def slopes_of(
     problem: MarginalisedProblem,
     hypotheses: Sequence[Hypothesis],
-    fixed: list[Floats],
     parametrisation: "Parametrisation",
     values: Floats,
     change: Sequence[Floats],
@@ -300,8 +296,7 @@ def slopes_of(
     Args:
         problem: What is fitted to.
         hypotheses: The effects.
-        fixed: Parameters of the first of them, which stay.
-        parametrisation: Of the others.
+        parametrisation: Of their parameters.
         values: Their parameters in units of the fit, shape (parameters,).
         change: What they change there; see ``whitened``.
         exact: Whether the model itself is solved.
@@ -315,7 +310,7 @@ def slopes_of(
         moved = values.copy()
         step = -size if values[index] + size > parametrisation.upper[index] else size
         moved[index] += step
-        there = whitened(problem, hypotheses, [*fixed, *parametrisation.split(moved)], exact=exact)
+        there = whitened(problem, hypotheses, parametrisation.split(moved), exact=exact)
         for slopes, ahead, here in zip(columns, there, change, strict=True):
             slopes.append((ahead - here) / step)
     return [np.concatenate(slopes, axis=1) for slopes in columns]
@@ -344,7 +339,7 @@ class Parametrisation:
         return [np.array(part) for part in np.split(theta, np.cumsum(self.sizes)[:-1])]
 
     def slopes(self, values: Floats) -> Floats:
-        """Give the derivative of each parameter by its unit of the fit, shape (parameters,)."""
+        """Return the derivative of each parameter by its unit of the fit, shape (parameters,)."""
         return np.array([p.slope(v) for p, v in zip(self.parameters, values.tolist(), strict=True)])
 
     @property
@@ -374,7 +369,7 @@ class Parametrisation:
         return np.asarray(np.maximum(np.array(spreads), 1e-3), dtype=np.float64)
 
     def penalty(self, values: Floats) -> float:
-        """Give the cost of values beforehand."""
+        """Return the cost of values beforehand."""
         return float((((values - self.centres) / self.spreads) ** 2).sum())
 
     @property

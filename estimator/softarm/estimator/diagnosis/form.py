@@ -26,7 +26,7 @@ SPREAD = 0.04
 
 
 def form_columns(stage: Stage) -> Floats:
-    """Give the change of the predictions per unit of each coefficient, that of the clock last.
+    """Return the change of the predictions per unit of each coefficient, that of the clock last.
 
     Returns:
         Shape (samples, rows, columns).

@@ -152,13 +152,13 @@ class Marginal:
 
     @staticmethod
     def cost_of(prior: Gaussian, data: Total, fraction: float) -> float:
-        """Give the cost alone."""
+        """Return the cost alone."""
         right, sum_of_squares = _surprise(prior, data, fraction)
         factor = Factor.of(fraction * data.matrix + prior.precision)
         return sum_of_squares - float(right @ factor.solve(right))
 
     def gain(self, columns: Sequence[int]) -> tuple[float, Floats]:
-        """Give how much some extra coefficients lower the cost, and their values."""
+        """Return how much some extra coefficients lower the cost, and their values."""
         submatrix = np.ix_(list(columns), list(columns))
         block = self.matrix[submatrix]
         size = np.sqrt(np.maximum(np.diag(block), 1e-300))
@@ -189,7 +189,7 @@ class Marginal:
 
 
 def _surprise(prior: Gaussian, data: Total, fraction: float) -> tuple[Floats, float]:
-    """Give the products of the columns with what the prior mean leaves, and its weighted squares."""
+    """Return the products of the columns with what the prior mean leaves, and its weighted squares."""
     right = fraction * (data.vector - data.matrix @ prior.mean)
     sum_of_squares = (
         data.sum_of_squares - 2.0 * prior.mean @ data.vector + prior.mean @ data.matrix @ prior.mean

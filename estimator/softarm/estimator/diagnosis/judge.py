@@ -143,7 +143,7 @@ def least_explainable(cost: float, count: float) -> float:
 def bootstrap(
     rng: np.random.Generator, before: Floats, after: Floats, draws: int = 500
 ) -> tuple[float, float]:
-    """Give the interval of 1 - sqrt(after / before) over resampled stretches."""
+    """Return the interval of 1 - sqrt(after / before) over resampled stretches."""
     chosen = rng.integers(0, len(before), (draws, len(before)))
     ratio = after[chosen].sum(axis=1) / np.maximum(before[chosen].sum(axis=1), 1e-12)
     gains = 1.0 - np.sqrt(np.maximum(ratio, 0.0))

@@ -40,7 +40,7 @@ class Hypothesis:
         return self.effect.name
 
     def placed(self, world: World, theta: Floats) -> PlacedEffect:
-        """Give the effect with its parameters, shape (parameters,)."""
+        """Return the effect with its parameters, shape (parameters,)."""
         return PlacedEffect(self.effect, Spot(world, self.place), theta)
 
 
@@ -117,7 +117,7 @@ def _calibrated(effect: Effect, place: Place) -> bool:
 
 
 def library_columns(stage: Stage, library: Library) -> Floats:
-    """Give the change of a session's predictions by a typical amplitude of each direction.
+    """Return the change of a session's predictions by a typical amplitude of each direction.
 
     Returns:
         Shape (samples, rows, directions).

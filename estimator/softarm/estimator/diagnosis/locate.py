@@ -181,7 +181,7 @@ def spotted(stage: Stage) -> list[Spotted]:
 
 
 def regimes(stage: Stage) -> dict[Regime, Floats]:
-    """Give what a mismatch may vary with, each scaled to unit root mean square, shape (samples,)."""
+    """Return what a mismatch may vary with, each scaled to unit root mean square, shape (samples,)."""
     time = stage.session.clock
     pressures = stage.session.pressures
     level = pressures.max(axis=1, initial=0.0)
@@ -203,7 +203,7 @@ def regimes(stage: Stage) -> dict[Regime, Floats]:
 
 
 def _since(time: Floats, fastest: Floats) -> Floats:
-    """Give what is left of the memory of the last change, exp(-time since / MEMORY)."""
+    """Return what is left of the memory of the last change, exp(-time since / MEMORY)."""
     moving = fastest > 1.5e3
     last = np.maximum.accumulate(np.where(moving, time, time[0] - 100.0))
     decay: Floats = np.exp(-(time - last) / MEMORY)

@@ -37,7 +37,7 @@ class NaturalFrequency:
     mass: float
 
     def predicted(self, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]) -> float:
-        """Give the logarithm of the ratio that effects predict."""
+        """Return the logarithm of the ratio that effects predict."""
         mass, stiffness = self.mass, 1.0
         for hypothesis, theta in zip(hypotheses, thetas, strict=True):
             change = hypothesis.effect.modal(theta)
@@ -46,11 +46,11 @@ class NaturalFrequency:
         return 0.5 * float(np.log(max(stiffness, 1e-6) * self.mass / max(mass, 1e-6)))
 
     def gain(self, predicted: float) -> float:
-        """Give by how much a prediction lowers the cost against none."""
+        """Return by how much a prediction lowers the cost against none."""
         return float((self.ratio**2 - (self.ratio - predicted) ** 2) / SIGMA**2)
 
     def gain_of(self, fit: Fit | None) -> float:
-        """Give by how much a fit lowers the cost against none."""
+        """Return by how much a fit lowers the cost against none."""
         return self.gain(self.predicted(fit.hypotheses, fit.thetas)) if fit is not None else 0.0
 
     def conditioned(self, fit: Fit) -> Fit:
@@ -102,7 +102,7 @@ def natural_frequency_of(stages: Sequence[Stage]) -> NaturalFrequency | None:
 
 
 def _compliance(stage: Stage) -> float:
-    """Give the largest compliance of the tip against a force across the arm [m/N]."""
+    """Return the largest compliance of the tip against a force across the arm [m/N]."""
     response = stage.arm.baseline
     sections = response.frames.positions.shape[1]
     tip = 6 * (sections - 1)

@@ -152,7 +152,7 @@ def evidence_of_change(
     parts: Sequence[NormalEquations],
     fraction: float,
 ) -> float:
-    """Give how much likelier recordings are if more than a little has changed since the nominal ones.
+    """Return how much likelier recordings are if more than a little has changed since the nominal ones.
 
     No single effect need explain them: all may have changed.
 
@@ -194,7 +194,7 @@ def _wider(
 
 
 def _sandwich(covariance: Floats, matrix: Floats, root: Floats) -> Floats:
-    """Give P G in coordinates scaled by the prior's deviations, for a well-scaled determinant."""
+    """Return P G in coordinates scaled by the prior's deviations, for a well-scaled determinant."""
     scaled: Floats = (covariance / np.outer(root, root)) @ (matrix * np.outer(root, root))
     return scaled
 

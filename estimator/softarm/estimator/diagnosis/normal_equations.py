@@ -167,7 +167,7 @@ def _stretches(
 
 
 def _samples(blocks: NDArray[np.int64], block: int) -> slice:
-    """Give the samples of a stretch, which follow each other: columns are not copied then."""
+    """Return the samples of a stretch, which follow each other: columns are not copied then."""
     first, end = np.searchsorted(blocks, [block, block + 1])
     return slice(int(first), int(end))
 

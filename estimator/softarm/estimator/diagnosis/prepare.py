@@ -223,7 +223,7 @@ def _unit(suite: SensorSuite, readings: Floats) -> Floats:
 
 
 def _rows(session: Session) -> Floats:
-    """Give readings as vectors about their first, shape (samples, rows)."""
+    """Return readings as vectors about their first, shape (samples, rows)."""
     from_first = np.empty((session.samples, session.suite.size))
     suite = session.suite
     for measurement in suite.measurements:
@@ -237,14 +237,14 @@ def _rows(session: Session) -> Floats:
 
 
 def _vector_part(quaternions: Floats, reference: Floats) -> Floats:
-    """Give the vector part of conj(reference) times quaternions (w, x, y, z)."""
+    """Return the vector part of conj(reference) times quaternions (w, x, y, z)."""
     w, v = reference[0], -reference[1:]
     product: Floats = w * quaternions[:, 1:] + quaternions[:, :1] * v + np.cross(v, quaternions[:, 1:])
     return product
 
 
 def _white_noise(session: Session) -> Floats:
-    """Give the standard deviation of white noise of each row by second differences, shape (rows,)."""
+    """Return the standard deviation of white noise of each row by second differences, shape (rows,)."""
     rows = _rows(session)
     if len(rows) < 5:
         return np.zeros(rows.shape[1])
@@ -259,7 +259,7 @@ def _white_noise(session: Session) -> Floats:
 
 
 def _wander(session: Session) -> Floats:
-    """Give the spread of each row between neighbouring windows where the pressures rest, shape (rows,)."""
+    """Return the spread of each row between neighbouring windows where the pressures rest, shape (rows,)."""
     rows = _rows(session)
     still = np.abs(np.diff(session.pressures, axis=0)).max(axis=1, initial=0.0) < 150.0
     sigma = np.zeros(rows.shape[1])
@@ -272,6 +272,6 @@ def _wander(session: Session) -> Floats:
 
 
 def _resolution(session: Session) -> Floats:
-    """Give a tenth of the specimen's noise, below which no mean is believed, shape (rows,)."""
+    """Return a tenth of the specimen's noise, below which no mean is believed, shape (rows,)."""
     smallest: Floats = 0.1 * session.suite.noise
     return smallest

@@ -95,7 +95,7 @@ class LocationMap:
         return self.cells[0] if self.cells else None
 
     def by_place(self) -> dict[tuple[CellKind, str], float]:
-        """Give the largest share at each place, for colouring the arm."""
+        """Return the largest share at each place, for colouring the arm."""
         shares: dict[tuple[CellKind, str], float] = {}
         for cell in self.cells:
             key = (cell.kind, cell.name)

@@ -65,7 +65,7 @@ class Session:
         return float(np.median(np.diff(self.clock)))
 
     def drive(self, actuation: ActuationMap, segments: int) -> Drive:
-        """Give what acts on the arm, the actuation's gains and biases included."""
+        """Return what acts on the arm, the actuation's gains and biases included."""
         acting = actuation.to_chamber(self.pressures)
         sections = self.wrenches.shape[1]
         plain = Drive.of(self.clock, acting, self.gravity, sections, segments)

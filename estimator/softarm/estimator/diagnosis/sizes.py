@@ -100,7 +100,7 @@ def sized(search: Search, fit: Fit) -> Fit:
     parametrisation = Parametrisation.of(found.hypotheses)
     values = parametrisation.units(np.concatenate(found.thetas))
     left = whitened(problem, found.hypotheses, found.thetas, exact=found.exact)
-    slopes = slopes_of(problem, found.hypotheses, [], parametrisation, values, left, exact=found.exact)
+    slopes = slopes_of(problem, found.hypotheses, parametrisation, values, left, exact=found.exact)
     parts = [
         part
         for recorded, slope, change, common in zip(residuals, slopes, left, columns, strict=True)

@@ -242,7 +242,7 @@ class Stage:
         return std
 
     def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> Floats:
-        """Give by how much effects change the predictions, shape (samples, rows).
+        """Return by how much effects change the predictions, shape (samples, rows).
 
         To first order effects add up; those that answer to the response need a search for a fixed point.
 
@@ -306,7 +306,7 @@ class Stage:
         return np.where(elsewhere.reshape(-1, 1), np.nan, plain)
 
     def _solved(self, effects: Sequence[PlacedEffect]) -> Floats:
-        """Give what the model itself says under effects, against the prediction, shape (nodes, rows)."""
+        """Return what the model itself says under effects, against the prediction, shape (nodes, rows)."""
         nodes = self._exact.nodes
         drive, response = self._exact.under(effects)
         back = np.swapaxes(exp(self._usual(drive, effects)[nodes]), -1, -2)
@@ -321,7 +321,7 @@ class Stage:
         return np.where(near.converged[:, None], innovation, np.nan)
 
     def first_order(self, placed: PlacedEffect, *, vibrating: bool = True) -> Floats:
-        """Give by how much an effect changes the predictions to first order, shape (samples, rows).
+        """Return by how much an effect changes the predictions to first order, shape (samples, rows).
 
         What it sees of the response is the response without it: for a material effect exactly what it asks
         for, for loads and supports that depend on the response the first step towards it.
@@ -342,7 +342,7 @@ class Stage:
         return self._moved(placed.field, change.reshape(drive.samples, -1), modal, placed.spot.section)
 
     def first_order_of_many(self, effects: Sequence[PlacedEffect]) -> Floats:
-        """Give that of each of some effects, alone; ``superposes`` holds of them, and they change one part.
+        """Return that of each of some effects, alone; ``superposes`` holds of them, and they change one part.
 
         Returns:
             Shape (samples, rows, effects).
@@ -351,7 +351,7 @@ class Stage:
         return self._moved(effects[0].field, np.stack(changes, axis=-1), ModalChange(), 0)
 
     def _moved(self, field: str, change: Floats, modal: ModalChange | None, section: int) -> Floats:
-        """Give what changes of a part of the drive change, shape (samples, rows, ...).
+        """Return what changes of a part of the drive change, shape (samples, rows, ...).
 
         Args:
             field: The part.
@@ -388,12 +388,12 @@ class Stage:
         return _strains_by_drive(self.arm)
 
     def _usual(self, drive: Drive, effects: Sequence[PlacedEffect]) -> Floats:
-        """Give the turn of the base that the laboratory's registration has taken out, shape (samples, 3)."""
+        """Return the base's turn that the laboratory's registration has taken out, shape (samples, 3)."""
         taken = recorded_turn(drive.base_rotation, effects) if self.suite.base_recorded else np.zeros(3)
         return np.broadcast_to(taken, drive.base_rotation.shape)
 
     def _misread(self, placed: PlacedEffect, truth: Floats) -> Floats:
-        """Give stacked readings as an effect of sensing turns them, shape (samples, readings)."""
+        """Return stacked readings as an effect of sensing turns them, shape (samples, readings)."""
         readings = truth.copy()
         for sensor in self.suite.measurements:
             if sensor.name == placed.spot.place.sensor:
@@ -487,7 +487,7 @@ def build_stage(model: Model, session: Session, setting: Setting) -> Stage:
 
 
 def fading(clock: Floats, sizes: Floats) -> Floats:
-    """Give the largest of late of some sizes, forgotten with ``RINGDOWN``, shape (samples, ...)."""
+    """Return the largest of late of some sizes, forgotten with ``RINGDOWN``, shape (samples, ...)."""
     envelope, kept = sizes.copy(), np.exp(-np.diff(clock) / RINGDOWN)
     for k in range(1, len(envelope)):
         envelope[k] = np.maximum(envelope[k], envelope[k - 1] * kept[k - 1])

@@ -219,7 +219,7 @@ def _still(time: Floats, shown: Floats, wanted: Floats) -> list[tuple[int, int]]
 
 
 def _range(values: Floats, width: int) -> Floats:
-    """Give the largest range of any component in each window, shape (samples - width + 1,)."""
+    """Return the largest range of any component in each window, shape (samples - width + 1,)."""
     values = values[:, np.isfinite(values).any(axis=0)]
     filled = np.where(np.isfinite(values), values, np.nanmedian(values, axis=0))
     windows = np.lib.stride_tricks.sliding_window_view(filled, width, axis=0)

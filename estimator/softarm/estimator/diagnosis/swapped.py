@@ -95,7 +95,7 @@ def _swapped_bends(recording: Recording, specimen: Specimen) -> str:
 
 
 def _unexplained(recording: Recording, section: str, chambers: Sequence[int]) -> float:
-    """Give the share of a bend's variance that some chambers' pressures leave."""
+    """Return the share of a bend's variance that some chambers' pressures leave."""
     bend = recording.bend(section)
     pressures = np.column_stack([recording.pressure(k)[0] for k in chambers])
     observed = np.isfinite(bend).all(axis=1) & np.isfinite(pressures).all(axis=1)
@@ -145,7 +145,7 @@ def _squares(stage: Stage, residual: Floats) -> float:
 
 
 def _exchanged(stage: Stage, one: int, other: int) -> Floats:
-    """Give by how much the prediction changes when two chambers change places, shape (samples, rows)."""
+    """Return by how much the prediction changes when two chambers change places, shape (samples, rows)."""
     pressures = stage.drive.pressures
     change = np.zeros_like(pressures)
     change[:, one] = pressures[:, other] - pressures[:, one]
@@ -155,7 +155,7 @@ def _exchanged(stage: Stage, one: int, other: int) -> Floats:
 
 
 def _misread(stage: Stage, one: str, other: str) -> Floats:
-    """Give the residual when two sensors change places."""
+    """Return the residual when two sensors change places."""
     readings = stage.session.readings.copy()
     places = stage.suite.reading_slices
     if one not in places or other not in places:

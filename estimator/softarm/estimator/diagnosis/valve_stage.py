@@ -69,7 +69,7 @@ class Split:
     heldout: NDArray[np.bool_]
 
     def errors(self) -> tuple[float, float]:
-        """Give the root mean square on unseen samples of set-point and of law against pressure [Pa]."""
+        """Return the root mean square on unseen samples of set-point and of law against pressure [Pa]."""
         heldout = self.heldout
         setpoint, law = (
             self.measured[heldout] - self.setpoint[heldout],
@@ -109,7 +109,7 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
 
 
 def _columns(recording: Recording, chamber: int) -> tuple[Floats, Floats]:
-    """Give set-points and pressures of a chamber [Pa], shape (samples,)."""
+    """Return set-points and pressures of a chamber [Pa], shape (samples,)."""
     return recording.columns[f"pressure_cmd_{chamber}_pa"], recording.columns[f"pressure_{chamber}_pa"]
 
 
@@ -121,7 +121,7 @@ def _until(recording: Recording, chamber: int, end: float) -> Recording:
 
 
 def _middle(recording: Recording, chamber: int) -> float:
-    """Give the middle of the time in which a valve is open [s]."""
+    """Return the middle of the time in which a valve is open [s]."""
     setpoint, _ = _columns(recording, chamber)
     active = recording.time[np.nan_to_num(setpoint) > OPEN]
     return float(0.5 * (active[0] + active[-1]))
@@ -166,7 +166,7 @@ def _scatter(
 
 
 def _jitter(split: Split) -> float:
-    """Give the scatter of a delay of which only the sample is known in which it ends [s]."""
+    """Return the scatter of a delay of which only the sample is known in which it ends [s]."""
     return float(np.median(np.diff(split.time)) / np.sqrt(12.0))
 
 
@@ -335,23 +335,23 @@ def _probability(size: float, spread: float, recordings: int, valves: int = 1) -
 
 
 def _timed(splits: Sequence[Split]) -> list[Valve]:
-    """Give the valves whose delays can be told; a lag at the end of the grid is no lag."""
+    """Return the valves whose delays can be told; a lag at the end of the grid is no lag."""
     return [split.valve for split in splits if split.valve.timed and split.valve.lag < LAGS[-1]]
 
 
 def _offsets(splits: Sequence[Split]) -> list[float]:
-    """Give the steady errors of valves that were held open [Pa], a dead band counted as one."""
+    """Return the steady errors of valves that were held open [Pa], a dead band counted as one."""
     valves = [split.valve for split in splits if split.valve.held]
     return [valve.bias - (1.0 + valve.gain) * valve.deadband for valve in valves]
 
 
 def _times(valves: Sequence[Valve]) -> tuple[list[float], list[float]]:
-    """Give dead times and lags [s]."""
+    """Return dead times and lags [s]."""
     return [valve.dead_time for valve in valves], [valve.lag for valve in valves]
 
 
 def _delayed(splits: Sequence[Split]) -> list[float]:
-    """Give dead time and lag together [s]: what one gains the other loses."""
+    """Return dead time and lag together [s]: what one gains the other loses."""
     return [valve.dead_time + valve.lag for valve in _timed(splits)]
 
 

@@ -101,7 +101,7 @@ def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
 
 
 def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]]:
-    """Give chamber, time, set-points and pressures of each valve that was opened."""
+    """Return chamber, time, set-points and pressures of each valve that was opened."""
     for chamber in recording.chambers:
         setpoint = recording.columns.get(f"pressure_cmd_{chamber}_pa")
         measured = recording.columns.get(f"pressure_{chamber}_pa")
@@ -113,14 +113,14 @@ def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]
 
 
 def predict(valve: Valve, time: Floats, setpoint: Floats) -> Floats:
-    """Give the pressure that a valve's law predicts [Pa], shape (samples,)."""
+    """Return the pressure that a valve's law predicts [Pa], shape (samples,)."""
     late = np.interp(time - valve.dead_time, time, setpoint)
     target = static(late, valve.bias, valve.gain, valve.deadband, valve.ceiling)
     return first_order(time, target, valve.lag, ())[0]
 
 
 def static(setpoint: Floats, bias: float, gain: float, deadband: float, ceiling: float) -> Floats:
-    """Give the settled pressure for a set-point [Pa]."""
+    """Return the settled pressure for a set-point [Pa]."""
     target = np.minimum((1.0 + gain) * (setpoint - deadband) + bias, ceiling)
     return np.where(setpoint > max(deadband, OPEN), np.maximum(target, 0.0), 0.0)
 
@@ -143,7 +143,7 @@ def _settled(time: Floats, setpoint: Floats) -> Flags:
 
 
 def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Floats]:
-    """Give the set-point and the pressure of each hold, shape (holds,)."""
+    """Return the set-point and the pressure of each hold, shape (holds,)."""
     holds = _settled(time, setpoint)
     numbers = np.cumsum(np.abs(np.diff(setpoint, prepend=setpoint[0])) > 1.0)
     levels, reached = [], []
@@ -214,7 +214,7 @@ def _timing(time: Floats, setpoint: Floats, measured: Floats, law: ValveLaw) -> 
 
 
 def _onset(time: Floats, setpoint: Floats, measured: Floats) -> float:
-    """Give the median time from a step of the set-point to the first 5 % of the pressure's answer [s]."""
+    """Return the median time from a step of the set-point to the first 5 % of the pressure's answer [s]."""
     onsets = []
     for k in np.flatnonzero(np.abs(np.diff(setpoint)) > STEP):
         end = int(np.searchsorted(time, time[k + 1] + 1.0))

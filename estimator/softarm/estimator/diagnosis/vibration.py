@@ -176,7 +176,7 @@ def _held(stage: Stage) -> NDArray[np.bool_]:
 
 
 def _observed(stage: Stage, vibrating: VibratingArm) -> Floats:
-    """Give what the vibration changes of the predictions, shape (samples, rows)."""
+    """Return what the vibration changes of the predictions, shape (samples, rows)."""
     couples = vibrating.couples(vibrating.lag(_still(stage)))
     change: Floats = np.einsum("trk,tk->tr", stage.couple_jacobian, couples)
     return change
@@ -190,7 +190,7 @@ def _driven(stage: Stage) -> bool:
 
 
 def _fast(stage: Stage, residual: Floats) -> Floats:
-    """Give what changes from sample to sample outside the held-out stretches, in usual sizes."""
+    """Return what changes from sample to sample outside the held-out stretches, in usual sizes."""
     scaled = residual / np.array([SIZES[unit] for unit in stage.suite.units])
     fast: Floats = np.nan_to_num(np.diff(scaled, axis=0)[~stage.session.heldout[1:]]).ravel()
     return fast

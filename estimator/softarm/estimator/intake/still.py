@@ -252,7 +252,7 @@ def _left_behind(recording: Recording, specimen: Specimen) -> list[Still]:
         (stream for stream in streams_of(recording, specimen) if stream.kind == "frame"),
         key=lambda stream: heights.get(stream.target, 0.0),
     )
-    moved = [means(body.values, windows, int(windows[-1]) + 1) for body in bodies]
+    moved = [window_means(body.values, windows, int(windows[-1]) + 1) for body in bodies]
     limits = np.array([QUIET[unit] for unit in ("m",) * 3 + ("rad",) * 3])
     found = []
     for number, (body, values) in enumerate(zip(bodies, moved, strict=True)):

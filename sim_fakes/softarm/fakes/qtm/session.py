@@ -79,7 +79,7 @@ class ClientSession:
         return handler(rest.strip()) if handler else packets.text(ERROR, PARSE_ERROR)
 
     def close(self) -> None:
-        """Give up control when the client goes."""
+        """Return up control when the client goes."""
         if self._software.master is self:
             self._software.master = None
 
