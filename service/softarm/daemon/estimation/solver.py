@@ -140,7 +140,7 @@ class Solver:
         self._held_arm = HeldArm(self._suite, self._actuation, self._limits, unshaped)
         self._profile = ContactProfile(_heights(specimen), passes=1)
         every = (*self._model.loads, *self._profile.loads)
-        models: dict[str, Any] = {"fem": self._model, "rod": self._rod or self._model}
+        models: dict[str, Any] = {"fem": self._model} | ({"rod": self._rod} if self._rod else {})
         self._pushed = {name: stretched(model.with_loads(every), specimen) for name, model in models.items()}
         self._unobservable: tuple[float, tuple[str, ...], tuple[str, ...]] = (-np.inf, (), ())
         self._unanalysed: tuple[EstimationRequest, ArmEstimate[Any]] | None = None
