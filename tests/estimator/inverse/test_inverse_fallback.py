@@ -67,12 +67,12 @@ def test_an_arm_that_was_lost_is_answered_for_at_once_and_found_again(arm, follo
     lost = []
     for number in range(12):
         (broken.set if number == 5 else broken.clear)()
-        estimate = instant(arm, estimator, 0.01 * number, (1.0 + 0.01 * number) * NEAR)
+        estimate = instant(arm, estimator, 0.15 * number, (1.0 + 0.01 * number) * NEAR)
         assert estimate.converged
         np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=5e-3)
         lost.append(estimator.lost)
         pursuit.wait()
-    assert [number for number, flag in enumerate(lost) if flag] == [0, 5]
+    assert [number for number, flag in enumerate(lost) if flag] == [0, 1, 5, 6]
     assert solved_in
     assert main_thread() not in solved_in
 
@@ -80,22 +80,34 @@ def test_an_arm_that_was_lost_is_answered_for_at_once_and_found_again(arm, follo
 def test_the_exact_model_waits_until_a_step_reaches_the_arm(arm, followed) -> None:
     estimator, pursuit, _, _, allowed = followed
     allowed.clear()
-    instant(arm, estimator, 0.0, NEAR)
-    assert instant(arm, estimator, 0.01, FAR).converged
+    for number in range(2):
+        instant(arm, estimator, 0.15 * number, NEAR)
+    assert not pursuit.idle
+    assert instant(arm, estimator, 0.3, FAR).converged
     allowed.set()
     pursuit.wait()
-    instant(arm, estimator, 0.02, FAR)
-    assert estimator.lost
-    pursuit.wait()
-    assert instant(arm, estimator, 0.03, FAR).converged
-    assert not estimator.lost
+    lost = []
+    for number in range(3, 6):
+        assert instant(arm, estimator, 0.15 * number, FAR).converged
+        lost.append(estimator.lost)
+        pursuit.wait()
+    assert lost == [True, False, False]
+
+
+def test_the_exact_model_is_not_brought_to_where_the_arm_passes_by(arm, followed) -> None:
+    estimator, pursuit, _, solved_in, _ = followed
+    for number in range(8):
+        instant(arm, estimator, 0.15 * number, FAR if number % 2 else NEAR)
+        pursuit.wait()
+    assert not solved_in
 
 
 def test_a_reset_forgets_both_estimates(arm, followed) -> None:
     estimator, pursuit, *_ = followed
-    instant(arm, estimator, 0.0, NEAR)
-    pursuit.wait()
-    instant(arm, estimator, 0.01, NEAR)
+    for number in range(3):
+        instant(arm, estimator, 0.15 * number, NEAR)
+        pursuit.wait()
+    assert not estimator.lost
     estimator.reset()
     assert instant(arm, estimator, 0.0, FAR).converged
     assert estimator.lost

@@ -31,7 +31,7 @@ def test_the_rod_answers_for_an_arm_that_was_lost_in_a_jump_until_the_finite_ele
             readings = solver._suite.predict(rod.linearise(state, inputs).frames)
             for instant in range(3):
                 request = EstimationRequest(
-                    0.3 * jump + 0.1 * instant, 0, readings, inputs.pressures, gravity,
+                    0.45 * jump + 0.15 * instant, 0, readings, inputs.pressures, gravity,
                     ("orientation_intermediate", "orientation_tip"),
                 )  # fmt: skip
                 result = solver(request)
@@ -41,4 +41,4 @@ def test_the_rod_answers_for_an_arm_that_was_lost_in_a_jump_until_the_finite_ele
     finally:
         solver.close()
     assert all(converged)
-    assert models == 4 * ["rod", "fem", "fem"]
+    assert models == 4 * ["rod", "rod", "fem"]

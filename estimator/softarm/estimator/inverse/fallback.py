@@ -1,5 +1,6 @@
 """An estimator on a fast model that answers while the search on an exact one has lost the arm."""
 
+import math
 from typing import Any, Generic, TypeVar
 
 import numpy as np
@@ -20,6 +21,8 @@ STEPS = 30
 """Newton steps from one equilibrium to the next; where these do not get there, it is found from rest."""
 SETTLED = 1e-4
 """Out-of-balance force over the applied forces at which a search can begin."""
+CALM_S = 0.1
+"""So long the arm must have been within reach of one place before the exact model is brought there [s]."""
 
 
 class Pursuit(Background[Inputs, tuple[State, Inputs] | None]):
@@ -32,7 +35,7 @@ class Pursuit(Background[Inputs, tuple[State, Inputs] | None]):
 
     def __init__(self, model: ArmModel[State, Any], reach: float) -> None:
         super().__init__(self._solve, "pursuit")
-        self._model, self.reach = model, reach
+        self._model, self._reach = model, reach
         self._unknowns = Unknowns.of(model.chambers, model.loads)
         self._last: tuple[State, Inputs] | None = None
 
@@ -47,11 +50,11 @@ class Pursuit(Background[Inputs, tuple[State, Inputs] | None]):
     def _stepped(self, state: State, before: Inputs, inputs: Inputs) -> State | None:
         """Go from one equilibrium to the next by short Newton steps; a tracking model reuses its factor."""
         at, goal = self._unknowns.vector(before), self._unknowns.vector(inputs)
-        step = self._model.linearise(state, before)
-        for _ in range(STEPS):
-            share = self.reach / max(_distance(self._unknowns, at, goal), self.reach)
-            change = share * (goal - at)
-            state, at = self._model.advance(step, change), goal if share == 1.0 else at + change
+        start, step = at, self._model.linearise(state, before)
+        count = max(1, math.ceil(self._distance(before, inputs) / self._reach))
+        for share in np.minimum(np.arange(1, STEPS + 1) / count, 1.0):
+            there = start + share * (goal - start)
+            state, at = self._model.advance(step, there - at), there
             step = self._model.linearise(state, self._unknowns.inputs(at, inputs.gravity))
             if not step.residual_norm < 1.0:
                 return None
@@ -59,18 +62,21 @@ class Pursuit(Background[Inputs, tuple[State, Inputs] | None]):
                 return state
         return None
 
+    def reaches(self, one: Inputs, other: Inputs) -> bool:
+        """Return whether a single step leads from one set of inputs to another."""
+        return self._distance(one, other) <= self._reach
 
-def _distance(unknowns: Unknowns, one: Floats, other: Floats) -> float:
-    """Return the largest difference of two vectors of inputs, in units of their scale."""
-    return float(np.abs((one - other) / unknowns.scale).max())
+    def _distance(self, one: Inputs, other: Inputs) -> float:
+        away = self._unknowns.vector(other) - self._unknowns.vector(one)
+        return float(np.abs(away / self._unknowns.scale).max())
 
 
 class FallbackEstimator(Generic[State, Step]):
     """Follow an arm on an exact model, and on a fast one while the exact one has lost it.
 
     To bring the exact model to where the arm is after a search that did not converge takes up to a second.
-    That is done in the background, at the inputs that the fast model finds meanwhile. The exact model takes
-    over again as soon as a step of its search reaches from there to the present inputs.
+    That is done in the background, at the inputs that the fast model finds, once the arm has calmed down. The
+    exact model takes over again when a step of its search reaches from there to the present inputs.
 
     Args:
         exact: Estimator on the exact model.
@@ -82,7 +88,9 @@ class FallbackEstimator(Generic[State, Step]):
         self, exact: Estimator[State, Step], fast: Estimator[Any, Any], pursuit: Pursuit[State]
     ) -> None:
         self._exact, self._fast, self._pursuit = exact, fast, pursuit
-        self._pursued: ArmEstimate[Any] | None = None
+        self._newest: Inputs | None = None
+        self._calm: tuple[float, Inputs] | None = None
+        self._pursued = False
         self.lost = True
 
     @property
@@ -110,20 +118,27 @@ class FallbackEstimator(Generic[State, Step]):
             self._lose()
         estimate = self._fast.update(time, readings, pressures, gravity)
         if estimate.converged:
-            self._pursued = estimate
-            if self._pursuit.idle:
-                self._pursuit.ask(estimate.inputs)
+            self._newest = estimate.inputs
+            self._pursue(time, estimate.inputs)
         return estimate
 
     def _lose(self) -> None:
-        self.lost, self._pursued = True, None
+        self.lost, self._pursued, self._newest, self._calm = True, False, None, None
         self._fast.reset()
 
+    def _pursue(self, time: float, inputs: Inputs) -> None:
+        """Have the exact model brought to where the arm is, if it has been near there for a while."""
+        if self._calm is None or not self._pursuit.reaches(self._calm[1], inputs):
+            self._calm = time, inputs
+        elif time - self._calm[0] > CALM_S and self._pursuit.idle:
+            self._pursued = True
+            self._pursuit.ask(inputs)
+
     def _catch_up(self) -> None:
-        """Begin where the exact model was solved last, if that is within reach of the last estimate."""
-        found, at = self._pursuit.newest, self._pursued
-        if found is None or at is None or not self._pursuit.idle:
+        """Begin where the exact model has been brought, if that is within reach of the last estimate."""
+        if not (self._pursued and self._pursuit.idle):
             return
-        if _distance(at.unknowns, at.unknowns.vector(found[1]), at.vector) <= self._pursuit.reach:
+        found = self._pursuit.newest
+        if found is not None and self._newest is not None and self._pursuit.reaches(found[1], self._newest):
             self._exact.begin_at(*found)
             self.lost = False

@@ -44,9 +44,10 @@ from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
 
 WARM_UP_PRESSURE_PA = 1000.0
-WARM_UP_STEP_S = 0.01
-WARM_UP_INSTANTS = 3
-"""The first has no readings; the filter of the forces begins with the second and goes on with the third."""
+WARM_UP_STEP_S = 0.15
+WARM_UP_INSTANTS = 4
+"""The first has no readings; the filter of the forces begins with the second and goes on with the third. The
+finite elements begin with the third where a rod answers for them."""
 LIVE = Tolerances(
     step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=2, forecast=30.0, settles=False
 )
