@@ -138,7 +138,9 @@ class Estimate(Message):
     type: Literal["softarm.estimate/1"] = "softarm.estimate/1"
     stamp: Stamp
     status: Annotated[Literal["converged", "not_converged", "degraded", "no_data"], OrNewer]
-    model: Annotated[Literal["fem", "rod"], OrNewer]
+    model: Annotated[Literal["fem", "rod"], OrNewer] = Field(
+        description="Model of this estimate: the rod answers while the finite elements have lost the arm."
+    )
     loads: tuple[LoadEstimate, ...]
     contact: Contact | None = Field(description="Null where the location cannot be observed.")
     in_contact: bool = Field(description="Whether an external force is distinguishable from noise.")

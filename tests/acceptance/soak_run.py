@@ -25,7 +25,7 @@ from softarm.experiments.session import connect, wait_ready
 from softarm.recordings import load_recording
 from softarm_client import Arm
 from softarm_client.errors import CommandRefusedError
-from softarm_client.messages import Message, State
+from softarm_client.messages import Estimate, Message, State
 
 READER_NICER = 19
 """Recordings are read while the next one is written, by a process that gives way to all others."""
@@ -109,6 +109,7 @@ class Tally:
     slowest_s: float = 0.0
     slowest_verb: str = ""
     states: int = 0
+    estimates: Counter[str] = field(default_factory=Counter)
     faulted: int = 0
 
 
@@ -155,7 +156,7 @@ class Soak:
                 threading.Thread(target=self._visit, args=(rig, random.Random(dice.random()))),
                 threading.Thread(target=self._command, args=(client, random.Random(dice.random()))),
             ]
-            with client.states().subscribe(self._see):
+            with client.states().subscribe(self._see), client.estimates().subscribe(self._count):
                 for worker in workers:
                     worker.start()
                 self._watch(memory)
@@ -172,6 +173,9 @@ class Soak:
             self._first = self._first or message
             self._last = message
             self._tally.states += 1
+
+    def _count(self, estimate: Estimate) -> None:
+        self._tally.estimates[estimate.model if estimate.status != "not_converged" else estimate.status] += 1
 
     def _watch(self, memory: "MemoryGrowth") -> None:
         begin = time.monotonic()
@@ -267,6 +271,9 @@ class Soak:
             "modes_ended_by_faults": tally.faulted,
             "clients_come_and_gone": tally.visitors,
             "states_received": tally.states,
+            "estimates_received": tally.estimates.total(),
+            "estimates_on_fem": tally.estimates["fem"],
+            "estimates_on_rod": tally.estimates["rod"],
             "ticks": ticks,
             "ticks_skipped": skipped,
             "ticks_skipped_percent": 100.0 * skipped / max(ticks + skipped, 1),

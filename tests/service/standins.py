@@ -131,6 +131,7 @@ def result(request):
     return EstimationResult(
         request,
         converged=True,
+        model="fem",
         loads=np.array([0.0, 0.0, 0.4, 0.1]),
         load_covariance=1e-3 * np.eye(4),
         positions=np.outer(heights, [0.0, 0.0, 1.0]),

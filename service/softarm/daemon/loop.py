@@ -91,7 +91,6 @@ class ControlLoop:
             self.controller,
             self.estimator_state,
             health,
-            config.control.model,
             self._clocks.monotonic_ns,
             self._clocks.unix_ns,
         )

@@ -28,7 +28,7 @@ def test_mismatch_is_seen_located_and_clears_itself():
 
 
 def test_advice_goes_on_from_the_recording_that_runs():
-    publisher = Publisher("sopra", "fake", None, None, None, "fem")
+    publisher = Publisher("sopra", "fake", None, None, None)
     test = SimpleNamespace(consistent=False, since_unix_ns=1, suspects=("bend_tip",), ratio=9.0)
     assert publisher.mismatch(test, "/rec/a.mcap").advice == (
         "end the recording with record/stop, then run: softarm diagnose /rec/a.mcap --specimen sopra"

@@ -67,6 +67,7 @@ def result(hold=None, loads=(0.0, 0.0, 0.0, 0.0), time_s=0.0):
     return EstimationResult(
         request=EstimationRequest(time_s, 0, np.zeros(0), np.zeros(6), np.zeros(3)),
         converged=True,
+        model="fem",
         loads=np.array(loads),
         load_covariance=1e-4 * np.eye(4),
         positions=np.zeros((3, 3)),

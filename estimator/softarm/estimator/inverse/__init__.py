@@ -3,6 +3,7 @@
 from softarm.estimator.inverse.compensation import Compensation, approach, replace_loads, settle
 from softarm.estimator.inverse.contact_profile import ContactPlace, ContactProfile
 from softarm.estimator.inverse.estimate import ArmEstimate, Problem
+from softarm.estimator.inverse.fallback import FallbackEstimator, Pursuit
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Minimum, Status, Tolerances, minimise
 from softarm.estimator.inverse.objectives import (
@@ -24,6 +25,7 @@ __all__ = [
     "ContactPlace",
     "ContactProfile",
     "Estimator",
+    "FallbackEstimator",
     "InputBounds",
     "Iterate",
     "LoadProcess",
@@ -33,6 +35,7 @@ __all__ = [
     "PressureReadings",
     "Prior",
     "Problem",
+    "Pursuit",
     "QuadraticProgram",
     "SensorObjective",
     "Status",

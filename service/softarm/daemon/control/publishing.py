@@ -66,7 +66,6 @@ class Publisher:
         controller: Mode, lease and set-points.
         estimator_state: The newest estimate.
         health: Diagnostics that stand.
-        model: What the estimator runs on.
     """
 
     def __init__(
@@ -76,7 +75,6 @@ class Publisher:
         controller: Controller,
         estimator_state: EstimatorState,
         health: HealthMonitor,
-        model: Literal["fem", "rod"],
         clock_ns: Callable[[], int] = time.monotonic_ns,
         unix_ns: Callable[[], int] = time.time_ns,
     ) -> None:
@@ -85,7 +83,6 @@ class Publisher:
         self._controller = controller
         self._estimator_state = estimator_state
         self._health = health
-        self._model: Literal["fem", "rod"] = model
         self._clock_ns = clock_ns
         self._unix_ns = unix_ns
         self._counts = dict.fromkeys(STREAMS, 0)
@@ -161,7 +158,7 @@ class Publisher:
         return Estimate(
             stamp=stamp,
             status=solved if result.converged else "not_converged",
-            model=self._model,
+            model=result.model,
             loads=loads,
             contact=self._estimator_state.contact,
             in_contact=self._estimator_state.contact_since_unix_ns is not None,

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,6 +112,7 @@ class EstimationResult(_Compact):
     Args:
         request: What it answers.
         converged: Whether the search converged.
+        model: On which model it ran.
         loads: Amplitudes of the model's loads [N or N m], shape (loads,).
         load_covariance: Shape (loads, loads).
         positions: Section origins in the base frame [m], shape (sections, 3).
@@ -130,6 +131,7 @@ class EstimationResult(_Compact):
 
     request: EstimationRequest
     converged: bool
+    model: Literal["fem", "rod"]
     loads: Floats
     load_covariance: Floats
     positions: Floats

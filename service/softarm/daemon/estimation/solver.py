@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,7 +28,9 @@ from softarm.estimator.inverse import (
     ContactPlace,
     ContactProfile,
     Estimator,
+    FallbackEstimator,
     LoadProcess,
+    Pursuit,
     Tolerances,
     TrackerSettings,
 )
@@ -42,15 +44,18 @@ from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
 
 WARM_UP_PRESSURE_PA = 1000.0
-WARM_UP_STEP_S = 0.01
-WARM_UP_INSTANTS = 3
-"""The first has no readings; the filter of the forces begins with the second and goes on with the third."""
+WARM_UP_STEP_S = 0.15
+WARM_UP_INSTANTS = 4
+"""The first has no readings; the filter of the forces begins with the second and goes on with the third. The
+finite elements begin with the third where a rod answers for them."""
 LIVE = Tolerances(
     step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=2, forecast=30.0, settles=False
 )
 """No instant waits for a long search: what is left over is the next one's. Where an instant comes late, the
 arm has moved far: short steps get there, and none is judged before the balance is near. One that went wrong
 is repeated from where it began, for a solve of the model takes as long as thirty steps."""
+BRIEF = replace(LIVE, iterations=6, retreats=0)
+"""Where the rod answers for the finite elements at once, a search that takes twice the usual is given up."""
 PREPARED = 1e-3
 """Step in units of the inputs' scale that an estimate on the rod may leave to the next: 20 Pa and 0.5 mN."""
 SOLVES = 12
@@ -109,28 +114,35 @@ class Solver:
         process = LoadProcess(sigma, settings.control.load_time_constant_s)
         calibration = specimen.calibration
         error = ModelError.of(calibration.scatter, calibration.force_ratio, calibration.force_error)
-        tolerances = replace(LIVE, step=PREPARED) if settings.control.model == "rod" else LIVE
+        self._on_rod = settings.control.model == "rod"
+        self._rod = trusted_rod(specimen) if self._on_rod else known_trusted_rod(specimen)
+        falls_back = self._rod is not None and not self._on_rod and not specimen.physics
+        tolerances = replace(LIVE, step=PREPARED) if self._on_rod else BRIEF if falls_back else LIVE
         tracker = TrackerSettings(
             process, self._actuation, self._limits, model_error=error, tolerances=tolerances
         )
-        self._rod = trusted_rod(specimen) if settings.control.model == "rod" else None
         self._threads = ExitStack()
         self._check: RodCheck | None = None
-        if self._rod is not None:
+        if self._on_rod:
             self._check = self._threads.enter_context(RodCheck(stretched(self._model, specimen)))
-        following = self._followed(specimen)
         follower: Follower[Any] = estimator_of(
-            specimen, following, self._model.loads, self._suite, tracker, pressures_measured=True,
-            guide=self._guide(specimen),
+            specimen, self._followed(specimen), self._model.loads, self._suite, tracker,
+            pressures_measured=True,
         )  # fmt: skip
+        self._pursuit: Pursuit[Any] | None = None
+        if falls_back and self._rod is not None and isinstance(follower, Estimator):
+            self._pursuit = self._threads.enter_context(Pursuit(follower.model, LIVE.radius))
+            rod: Any = stretched(self._rod.with_loads(self._model.loads), specimen)
+            fast = Estimator(rod, self._suite, replace(tracker, tolerances=LIVE))
+            follower = FallbackEstimator(follower, fast, self._pursuit)
         self._estimator = follower
         self._moving = MovingForces.of(specimen, self._model.sections, self._model.loads, self._suite)
         unshaped = follower.unshaped if isinstance(follower, AugmentedEstimator) else np.asarray
         self._held_arm = HeldArm(self._suite, self._actuation, self._limits, unshaped)
         self._profile = ContactProfile(_heights(specimen), passes=1)
         every = (*self._model.loads, *self._profile.loads)
-        plain: Any = self._rod or self._model
-        self._pushed = stretched(plain.with_loads(every), specimen)
+        models: dict[str, Any] = {"fem": self._model} | ({"rod": self._rod} if self._rod else {})
+        self._pushed = {name: stretched(model.with_loads(every), specimen) for name, model in models.items()}
         self._unobservable: tuple[float, tuple[str, ...], tuple[str, ...]] = (-np.inf, (), ())
         self._unanalysed: tuple[EstimationRequest, ArmEstimate[Any]] | None = None
         self._warm_up(np.array(specimen.gravity_m_s2))
@@ -138,15 +150,16 @@ class Solver:
     def _followed(self, specimen: Specimen) -> Any:
         """Return the model of the estimates."""
         loads = section_loads(self._model.sections) if specimen.physics else self._model.loads
-        if self._rod is not None:
+        if self._on_rod and self._rod is not None:
             return self._rod.with_loads(loads)
         followed = self._model.with_loads(loads) if specimen.physics else self._model
         return TrackingModel(followed, self._threads.enter_context(BackgroundFactorisation(followed)))
 
-    def _guide(self, specimen: Specimen) -> Any:
-        """Return the rod at whose answer a search on the finite elements begins after one that failed."""
-        rod = None if self._rod is not None else known_trusted_rod(specimen)
-        return None if rod is None else stretched(rod.with_loads(self._model.loads), specimen)
+    @property
+    def _solved_by(self) -> Literal["fem", "rod"]:
+        """The model of the last estimate."""
+        fallen_back = isinstance(self._estimator, FallbackEstimator) and self._estimator.lost
+        return "rod" if self._on_rod or fallen_back else "fem"
 
     def close(self) -> None:
         """End the threads of this solver; a process that ends with it needs no call."""
@@ -160,6 +173,8 @@ class Solver:
             time_s = instant * WARM_UP_STEP_S
             result = self(EstimationRequest(time_s, 0, readings, pressures, gravity, want_hold=True))
             readings = self._suite.predict(Frames(result.positions, from_quaternions(result.quaternions)))
+            if self._pursuit is not None:
+                self._pursuit.wait()  # so that both models are warmed up
         # What stays is compiled code and the factor; the forces of made-up readings are forgotten.
         self._estimator.reset()
         self._moving.reset()
@@ -178,6 +193,7 @@ class Solver:
         return EstimationResult(
             request=request,
             converged=estimate.converged,
+            model=self._solved_by,
             loads=loads,
             load_covariance=covariance,
             positions=estimate.frames.positions,
@@ -221,7 +237,7 @@ class Solver:
 
     def prepare(self) -> None:
         """Linearise the rod at the last estimate: the next one has less to do."""
-        if self._rod is not None and isinstance(self._estimator, Estimator):
+        if self._on_rod and isinstance(self._estimator, Estimator):
             self._estimator.prepare()
 
     def _innovations(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> dict[str, float]:
@@ -250,12 +266,12 @@ class Solver:
         inputs = estimate.inputs
         loads = np.concatenate([inputs.loads, np.zeros(len(self._profile.loads))])
         extended = Inputs(inputs.pressures, loads, inputs.gravity)
-        state = estimate.state
-        if self._rod is None:
+        state, model = estimate.state, self._solved_by
+        if model == "fem":
             state = FiniteElementState(state.displacement, extended)
         suite = self._estimator.suite_at(request.pressures)
         return self._profile.place(
-            self._pushed, state, suite, request.readings, estimate, self._tare(request)
+            self._pushed[model], state, suite, request.readings, estimate, self._tare(request)
         )
 
     def _nodes(self, estimate: ArmEstimate[Any]) -> NDArray[np.float32]:
@@ -263,7 +279,7 @@ class Solver:
 
         The rod has no stress: it is 0 there.
         """
-        if self._rod is not None:
+        if self._rod is not None and self._solved_by == "rod":
             positions = skin(self._model.mesh.points[self._drawn], self._rod.chain, estimate.state)
             return np.column_stack([positions, np.zeros(len(positions))]).astype(np.float32)
         positions = self._model.mesh.points + estimate.state.displacement
