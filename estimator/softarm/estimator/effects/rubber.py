@@ -204,6 +204,8 @@ def local_stiffness_defect(
 
 FIBRES = np.array([(1.0, np.cos(p), np.sin(p)) for p in np.arange(24) * np.pi / 12.0])
 """Stretch of a thin ring's fibres by its elongation over the radius and by both bends, shape (24, 3)."""
+SHARES = np.einsum("fi,fj->fij", FIBRES, FIBRES).reshape(len(FIBRES), 9) / len(FIBRES)
+"""What each fibre adds to the stiffness of a ring, shape (24, 3 x 3)."""
 STRIP_WIDTH = 1.5
 """Width [rad] at which a defect is tried: a quarter of the circumference."""
 RING = np.diag([1.0, 0.5, 0.5])
@@ -345,7 +347,7 @@ def mullins_softening(signals: Signals, theta: Floats, spot: Spot, memory: Memor
     if memory:
         largest = np.maximum(largest, memory[0])
     lost = strength * spot.segments[:, None] * erf((largest - squares) / (width**2 + largest)) / erf(1.0)
-    ring = RING - np.einsum("...f,fi,fj->...ij", lost, FIBRES, FIBRES) / len(FIBRES)
+    ring = RING - (lost @ SHARES).reshape(*lost.shape[:-1], 3, 3)
     softened = np.linalg.solve(ring, (strains @ RING)[..., None])[..., 0]
     changed = signals.strains.copy()
     changed[..., :2], changed[..., 3:] = softened[..., 1:], radii * softened[..., :1]
