@@ -137,7 +137,7 @@ def restates(richer: Fit, plain: Fit) -> bool:
 
 
 def _parts(fit: Fit) -> Iterator[tuple[ParameterSpec, float, bool]]:
-    """Return each parameter of a fit's last effect, its value, and whether that is significant."""
+    """Yield each parameter of a fit's last effect, its value, and whether that is significant."""
     number = len(fit.hypotheses) - 1
     parameters = fit.hypotheses[number].effect.parameters
     stds = fit.scaled_stds(number).tolist()

@@ -286,9 +286,9 @@ def decide(search: Search) -> Decision:
     choice, sizes, fragments = without_fragments(search, choice)
     unnamed = unnamed_law(search, choice.fit)
     law, probability = unnamed if unnamed.outdoes else None, unnamed.probability
-    found = choice.fit is not None
+    found, asked = choice.fit is not None, False
     if law is not None and not found:
-        probability = unnamed_probability(search, CHANGED)
+        probability, asked = unnamed_probability(search, CHANGED), True
         law = replace(law, probability=probability) if probability >= CREDIBLE else None
     if law is not None:
         choice, sizes = replace(choice, accepted=(), fit=None), None
@@ -296,7 +296,7 @@ def decide(search: Search) -> Decision:
     more_is_left = remainder > STRUCTURE
     changed = law is not None or more_is_left or _changed(search, choice)
     if law is None and not found and (changed or _is_doubtful(choice)):
-        probability = unnamed_probability(search, CHANGED)
+        probability = probability if asked else unnamed_probability(search, CHANGED)
         changed = more_is_left or probability > LIKELIER
     return Decision(replace(choice, fit=sizes), (*unproven, *fragments), law, probability, remainder, changed)
 

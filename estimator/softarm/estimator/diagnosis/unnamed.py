@@ -418,7 +418,7 @@ def _log_densities(shown: NewFolds, known: Gaussian | None, prior: Gaussian, fra
 def _learnt_from_others(
     shown: NewFolds, known: Gaussian | None, prior: Gaussian, fraction: float
 ) -> Iterator[tuple[Gaussian, Total]]:
-    """Return what the others teach of the coefficients, with each fold; see ``_log_densities``."""
+    """Yield what the others teach of the coefficients, with each fold; see ``_log_densities``."""
     for own, others in shown.folds:
         learnt = prior.posterior(others, fraction)
         yield (learnt if known is None else learnt.with_first(known)), own

@@ -101,7 +101,7 @@ def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
 
 
 def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]]:
-    """Return chamber, time, set-points and pressures of each valve that was opened."""
+    """Yield chamber, time, set-points and pressures of each valve that was opened."""
     for chamber in recording.chambers:
         setpoint = recording.columns.get(f"pressure_cmd_{chamber}_pa")
         measured = recording.columns.get(f"pressure_{chamber}_pa")

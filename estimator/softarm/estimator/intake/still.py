@@ -216,7 +216,7 @@ def _unmoved(recording: Recording, specimen: Specimen) -> list[Still]:
     """
     if len(recording.time) < 2:
         return []
-    windows = ((recording.time - recording.time[0]) / WINDOW).astype(np.int64)
+    windows = _windows(recording.time)
     streams = [stream for stream in streams_of(recording, specimen) if stream.kind == "bend"]
     streams = [stream for stream in streams if stream.target not in recording.frames]
     bends = [
@@ -228,17 +228,14 @@ def _unmoved(recording: Recording, specimen: Specimen) -> list[Still]:
     ]
     found = []
     for stream, bend in zip(streams, bends, strict=True):
-        for axis, (first, beyond) in (
-            (k, one) for k in (0, 1) for one in _quiet(bend.values[:, [k]], QUIET["rad"])
-        ):
-            inside = (windows >= first) & (windows < beyond) & np.isfinite(stream.values[:, axis])
-            seen = np.flatnonzero(inside)
-            if not len(seen) or np.ptp(recording.time[seen]) < LEAST:
-                continue
-            wanted = bend.wanted(axis, slice(first, beyond), bends)
-            if wanted > CLEAR * QUIET["rad"]:
-                words = f"while the pressures should move it by about {np.degrees(wanted):.0f} degrees"
-                found.append(Still(stream.name, "xy"[axis], (stream.columns[axis],), seen, words))
+        for axis in (0, 1):
+            own = slice(axis, axis + 1)
+            quiet = _quiet(recording.time, stream.values[:, own], bend.values[:, own], QUIET["rad"])
+            for during, seen in quiet:
+                wanted = bend.wanted(axis, during, bends)
+                if wanted > CLEAR * QUIET["rad"]:
+                    words = f"while the pressures should move it by about {np.degrees(wanted):.0f} degrees"
+                    found.append(Still(stream.name, "xy"[axis], (stream.columns[axis],), seen, words))
     return found
 
 
@@ -246,23 +243,18 @@ def _left_behind(recording: Recording, specimen: Specimen) -> list[Still]:
     """Find bodies that show nothing but noise while a body above them moves."""
     if len(recording.time) < 2:
         return []
-    windows = ((recording.time - recording.time[0]) / WINDOW).astype(np.int64)
+    windows = _windows(recording.time)
     heights = {one.name: one.from_m for one in specimen.sections}
     bodies = sorted(
         (stream for stream in streams_of(recording, specimen) if stream.kind == "frame"),
         key=lambda stream: heights.get(stream.target, 0.0),
     )
     moved = [window_means(body.values, windows, int(windows[-1]) + 1) for body in bodies]
-    limits = np.array([QUIET[unit] for unit in ("m",) * 3 + ("rad",) * 3])
     found = []
     for number, (body, values) in enumerate(zip(bodies, moved, strict=True)):
-        for first, beyond in _quiet(values, limits):
-            seen = np.flatnonzero(
-                (windows >= first) & (windows < beyond) & np.isfinite(body.values).all(axis=1)
-            )
-            if not len(seen) or np.ptp(recording.time[seen]) < LEAST:
-                continue
-            above = [other[first:beyond, :3] for other in moved[:number]]
+        limits = np.array([QUIET[unit] for unit in body.units])
+        for during, seen in _quiet(recording.time, body.values, values, limits):
+            above = [other[during, :3] for other in moved[:number]]
             ways = [float(np.nan_to_num(_spread(axis))) for other in above for axis in other.T]
             if max(ways, default=0.0) > CLEAR * QUIET["m"]:
                 words = f"while a body above it moves by {1e3 * max(ways):.0f} mm"
@@ -285,21 +277,36 @@ def _drive(recording: Recording, specimen: Specimen, section: str) -> Floats:
     return drive
 
 
-def _quiet(values: Floats, limits: Floats | float) -> Iterator[tuple[int, int]]:
+def _windows(time: Floats) -> Indices:
+    """Return the window of each sample, shape (samples,)."""
+    windows: Indices = ((time - time[0]) / WINDOW).astype(np.int64)
+    return windows
+
+
+def _quiet(
+    time: Floats, readings: Floats, values: Floats, limits: Floats | float
+) -> Iterator[tuple[slice, Indices]]:
     """List the longest stretches of at least ``LEAST`` seconds in which all means stay within limits.
 
     Args:
-        values: Means, shape (windows, columns).
+        time: [s], shape (samples,).
+        readings: Shape (samples, columns).
+        values: Their means, shape (windows, columns).
         limits: Of each column.
+
+    Returns:
+        The windows of each stretch, and the samples in them that were read.
     """
-    first = 0
+    windows, read, first = _windows(time), np.isfinite(readings).all(axis=1), 0
     while first < len(values):
         low = np.fmin.accumulate(values[first:], axis=0)
         high = np.fmax.accumulate(values[first:], axis=0)
         left = (high - low > limits).any(axis=1)
         beyond = first + int(np.argmax(np.append(left, True)))
-        if (beyond - first) * WINDOW >= LEAST:
-            yield first, beyond
-            first = beyond
-        else:
+        if (beyond - first) * WINDOW < LEAST:
             first += 1
+            continue
+        seen = np.flatnonzero((windows >= first) & (windows < beyond) & read)
+        if len(seen) and np.ptp(time[seen]) >= LEAST:
+            yield slice(first, beyond), seen
+        first = beyond
