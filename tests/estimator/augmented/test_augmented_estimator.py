@@ -48,6 +48,7 @@ WORLD = World(
     np.full(6, 65e3),
     ARM.stiffness(),
     MASSES,
+    ARM.segments.rest.positions,
 )
 CASES = [
     ("tip_payload", [0.02], {"section": "tip"}),

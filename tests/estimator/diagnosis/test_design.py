@@ -73,7 +73,7 @@ def test_an_effect_of_a_sensor_that_a_session_lacks_changes_nothing_there(stage:
 
 
 @pytest.mark.parametrize(
-    ("name", "theta"), [("tether_stiffness", (0.3, 0.0, 0.4)), ("contact_obstacle", (300.0, 0.005, 0.4))]
+    ("name", "theta"), [("tether_stiffness", (0.3, 0.0, 0.4, 0.5)), ("contact_obstacle", (300.0, 0.005, 0.4))]
 )
 def test_the_model_itself_answers_to_a_load_until_force_and_pose_agree(
     stage: Stage, name: str, theta: tuple[float, ...]

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from scipy.special import softmax
 
-from softarm.estimator.diagnosis.probability import CREDIBLE, credible_set, pseudo_bma
+from softarm.estimator.diagnosis.candidates import Candidate
+from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.probability import (
+    CREDIBLE,
+    credible_set,
+    pseudo_bma,
+    shared_among_alike,
+)
+from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import Place
 
 FOLDS = 10
@@ -40,6 +49,23 @@ def test_stated_probabilities_are_those_of_being_right():
     for low, high in ((0.0, 0.2), (0.2, 0.4), (0.4, 0.6), (0.6, 0.8), (0.8, 1.0)):
         own = (stated >= low) & (stated <= high)
         assert (better[own] > 0.0).mean() == pytest.approx(stated[own].mean(), abs=0.1)
+
+
+def fitted(name: str, gain: float, place: Place) -> Candidate:
+    theta = np.array([parameter.typical for parameter in EFFECTS[name].parameters])
+    fit = Fit((Hypothesis(EFFECTS[name], place),), (theta,), np.eye(len(theta)), gain, at_bound=False)
+    return Candidate(0, fit, gain)
+
+
+@pytest.mark.parametrize(
+    ("rival", "gain", "shared"),
+    [("line_leak", 101.0, True), ("line_leak", 110.0, False), ("line_lag", 100.0, False)],
+)
+def test_of_one_class_what_fits_alike_is_as_likely(rival: str, gain: float, shared: bool) -> None:
+    where = Place(chamber=1)
+    field = [fitted("chamber_gain", 100.0, where), fitted(rival, gain, where)]
+    expected = [0.5, 0.5] if shared else [0.95, 0.05]
+    assert shared_among_alike(field, np.array([0.95, 0.05])) == pytest.approx(expected)
 
 
 def test_a_credible_set_holds_the_likeliest_and_no_more_than_needed():

@@ -151,7 +151,7 @@ def test_an_unexpected_size_costs_up_to_a_bound():
 
 
 def test_of_equals_the_plainest_comes_first():
-    plain, rich = fit_of("tip_payload", 0.01), fit_of("tether_stiffness", 5.0, 0.01, 0.0)
+    plain, rich = fit_of("tip_payload", 0.01), fit_of("tether_stiffness", 5.0, 0.01, 0.0, 0.5)
     close = [candidate(rich, 100.0), candidate(plain, 100.0 - 0.9 * ALIKE)]
     assert plainest_first(close)[0].fit is plain
     apart = [candidate(rich, 100.0), candidate(plain, 100.0 - 1.1 * ALIKE)]
@@ -312,6 +312,7 @@ def test_what_an_effect_adds_is_asked_beside_those_found_after_it():
         refit=refit, bic_penalty=5.0, subset=lambda fit, kept: fit.selected(kept) if kept else None
     )
     search.contribution = lambda fit, k: Search.contribution(cast("Any", search), fit, k)
+    search.worth = lambda fit: Search.worth(cast("Any", search), fit)
     assert [search.contribution(every, k) for k in range(3)] == [-5.0, 15.0, 590.0]
     assert search.contribution(refit(mass), 0) == 695.0
     uncertain = replace(every, covariance=np.diag([4.0, 1e-4, 1e-4, 1e-4]))
@@ -513,9 +514,16 @@ def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_we
         assert search.another_stretch(pulled, [material]) is stretches
 
 
-@pytest.mark.parametrize("better", ["distributed_mass", "tip_payload"])
-def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(better):
-    """A payload that stood for a part of a gain too gives way to what is likelier beside the gain."""
+@pytest.mark.parametrize(
+    ("better", "worth", "taken"),
+    [
+        ("distributed_mass", 120.0, "distributed_mass"),
+        ("distributed_mass", 90.0, "tip_payload"),
+        ("tip_payload", 120.0, "tip_payload"),
+    ],
+)
+def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(better, worth, taken):
+    """A payload that stood for a part of a gain too gives way to what explains more beside the gain."""
     payload = candidate(fit_of("tip_payload", 0.03), 110.0, 0)
     mass = candidate(fit_of("distributed_mass", 0.1), 100.0, 1)
     later = candidate(fit_of("chamber_gain", 0.1), 60.0, 2)
@@ -532,16 +540,17 @@ def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(better
         refit=lambda fit: fit,
         finalists=lambda left, ranked: [{0: payload, 1: mass}[number] for number, *_ in ranked],
         best=best,
+        worth=lambda fit: worth if fit.hypotheses[0].name == "distributed_mass" else 100.0,
     )
     accepted, fit = Search.reconsidered(
         cast("Any", search), [first, second], payload.fit.joined(later.fit), np.zeros(1)
     )
-    names = [better, "chamber_gain"]
+    names = [taken, "chamber_gain"]
     assert [one.candidate.fit.hypotheses[0].name for one in accepted] == names
     assert fit is not None
     assert [h.name for h in fit.hypotheses] == names
     assert [theta.tolist() for theta in fit.thetas] == [
-        [0.1 if better == "distributed_mass" else 0.03],
+        [0.1 if taken == "distributed_mass" else 0.03],
         [0.1],
     ]
 

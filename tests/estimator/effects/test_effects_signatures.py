@@ -247,13 +247,32 @@ def test_contact_acts_on_one_side_and_balances(stiffness: float):
 
 def test_a_cord_pulls_to_its_side_once_taut():
     drive = ramps(10.0)
-    done = run(drive, placed("tether_stiffness", [8.0, 0.01, np.pi], section="tip"))
+    done = run(drive, placed("tether_stiffness", [8.0, 0.01, np.pi, 0.3], section="tip"))
     assert done.settled
-    stretch = np.maximum(done.response.frames.positions[:, 1, 0] - 0.01, 0.0)
+    cord = WORLD.origins[1] + [-0.3, 0.0, 0.0] - done.response.frames.positions[:, 1]
+    length = np.linalg.norm(cord, axis=1)
+    stretch = np.maximum(length - 0.31, 0.0)
     assert stretch.max() > 1e-3
-    assert np.allclose(done.drive.wrenches[:, 1, 0], -8.0 * stretch, atol=1e-5)
-    other = placed("tether_stiffness", [8.0, 0.01, 0.0], section="tip")
+    assert np.allclose(done.drive.wrenches[:, 1, :3], (8.0 * stretch / length)[:, None] * cord, atol=1e-5)
+    other = placed("tether_stiffness", [8.0, 0.01, 0.0, 0.3], section="tip")
     assert np.allclose(bends(drive, other), bends(drive))
+
+
+def test_a_cord_tied_far_away_pulls_along_one_direction():
+    drive = ramps(10.0)
+    done = run(drive, placed("tether_stiffness", [8.0, 0.01, np.pi, 50.0], section="tip"))
+    stretch = np.maximum(done.response.frames.positions[:, 1, 0] - 0.01, 0.0)
+    assert np.allclose(done.drive.wrenches[:, 1, 0], -8.0 * stretch, atol=0.01)
+    assert np.abs(done.drive.wrenches[:, 1, 1:3]).max() < 0.01
+
+
+def test_a_stretched_cord_pulls_the_arm_that_hangs_straight():
+    drive = drive_of(np.arange(2.0), np.zeros((2, 6)), WEIGHTLESS)
+    stiffness, stretched = 0.5, 0.02
+    done = run(drive, placed("tether_stiffness", [stiffness, -stretched, 0.0, 0.3], section="tip"))
+    moved = done.response.frames.positions[0, 1, 0]
+    assert 0.0 < moved < stretched
+    assert done.drive.wrenches[0, 1, 0] == pytest.approx(stiffness * (stretched - moved), rel=1e-2)
 
 
 def test_a_yielding_base_turns_all_sections_alike():
@@ -283,6 +302,19 @@ def test_valves_cut_pressures_as_they_say():
     assert np.allclose(after("pressure_saturation", 15e3), [0.0, 1000.0, 20e3, 50e3])
     assert np.allclose(after("pressure_bias", -600.0), [0.0, 400.0, 19.4e3, 59.4e3])
     assert np.allclose(after("chamber_gain", -0.1), 0.9 * pressures[:, 2])
+
+
+@pytest.mark.parametrize("bias", [-600.0, 600.0])
+def test_the_noise_of_a_vented_chamber_does_not_open_it(bias: float):
+    """A sensor that reads 0 +- 60 Pa passes 100 Pa every tenth of a second."""
+    pressures = np.zeros((1000, 6))
+    pressures[:, 2] = np.random.default_rng(3).normal(0.0, 60.0, 1000)
+    drive = drive_of(0.01 * np.arange(1000.0), pressures)
+    after = run(drive, placed("pressure_bias", [bias], chamber=2)).drive.pressures[:, 2]
+    assert np.abs(after - pressures[:, 2]).mean() < 0.06 * abs(bias)
+    opened = after[np.argsort(pressures[:, 2])]
+    assert (np.diff(opened) >= 0.0).all() or bias < 0.0
+    assert after.min() >= pressures.min()
 
 
 def test_a_leak_loses_its_share_in_a_long_hold():

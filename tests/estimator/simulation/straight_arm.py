@@ -60,4 +60,5 @@ def world(sensors: tuple[str, ...] = ()) -> World:
         np.full(6, 65e3),
         STIFFNESS,
         MASSES,
+        REST.positions,
     )

@@ -452,7 +452,8 @@ class Search:
     ) -> tuple[list[Accepted], Fit]:
         """Choose every effect but the last again among its rivals, now that those after it are known.
 
-        An effect that is chosen while another is still unknown may stand for a part of both.
+        An effect that is chosen while another is still unknown may stand for a part of both. A rival takes
+        its place only where all effects together explain more so.
         """
         chosen = list(accepted)
         for number, one in enumerate(accepted[:-1]):
@@ -464,7 +465,9 @@ class Search:
             found, _ = self.best(self.finalists(left, ranked), left, null, [chosen[k] for k in others])
             if found is not None and found.candidate.number != one.candidate.number:
                 joined = left.joined(found.candidate.fit).selected(np.argsort([*others, number]).tolist())
-                chosen[number], fit = found, self.refit(joined)
+                again = self.refit(joined)
+                if self.worth(again) > self.worth(fit):
+                    chosen[number], fit = found, again
         return chosen, fit
 
     def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
@@ -484,8 +487,12 @@ class Search:
     def contribution(self, fit: Fit, number: int) -> float:
         """Return what one effect gains in the criterion beside the others, fitted again without it."""
         others = self.subset(fit, [k for k in range(len(fit.thetas)) if k != number])
-        left = self.refit(others).gain if others is not None else 0.0
-        return fit.gain - left - self.bic_penalty * len(fit.thetas[number])
+        left = self.worth(self.refit(others)) if others is not None else 0.0
+        return self.worth(fit) - left
+
+    def worth(self, fit: Fit) -> float:
+        """Return what all effects of a fit gain in the criterion."""
+        return fit.gain - self.bic_penalty * sum(len(theta) for theta in fit.thetas)
 
     def without(self, choice: ChosenEffects, dropped: Sequence[int]) -> ChosenEffects:
         """Take effects back, and fit the others again."""

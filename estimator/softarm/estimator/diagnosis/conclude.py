@@ -20,7 +20,12 @@ from softarm.estimator.diagnosis.innovations import (
 )
 from softarm.estimator.diagnosis.judge import bootstrap
 from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
-from softarm.estimator.diagnosis.probability import Explanation, credible_set, probabilities
+from softarm.estimator.diagnosis.probability import (
+    Explanation,
+    credible_set,
+    probabilities,
+    shared_among_alike,
+)
 from softarm.estimator.diagnosis.result import (
     ChannelErrors,
     Evidence,
@@ -404,7 +409,7 @@ def _probable(search: Search, choice: ChosenEffects, index: int) -> tuple[dict[E
     field = [one for one in choice.accepted[index].field if one.number not in taken and not one.fit.at_bound]
     rest = search.subset(fit, others)
     costs = [search.predicted(one, rest) for one in field]
-    weights = probabilities(field, costs, search.bic_penalty, search.rng)
+    weights = shared_among_alike(field, probabilities(field, costs, search.bic_penalty, search.rng))
     probable: dict[Explanation, float] = {}
     for one, weight in zip(field, weights.tolist(), strict=True):
         hypothesis = search.evidence.library.hypotheses[one.number]

@@ -13,6 +13,7 @@ posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113): no sureness 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
 from scipy.special import softmax
 
 from softarm.estimator.arrays import Floats
@@ -45,6 +46,28 @@ def probabilities(
     densities = np.column_stack([*found, np.zeros_like(found[0])])
     gain = 2.0 * float(densities.sum(axis=0).max())
     return pseudo_bma(densities * COARSE / (COARSE + gain), rng)[:-1]
+
+
+def shared_among_alike(candidates: Sequence[Candidate], weights: Floats) -> Floats:
+    """Share probability among candidates of one structural class that fit the recordings equally well.
+
+    A lost gain is a leak that has reached its end at once. Where the recordings fit both alike, the one with
+    fewer parameters is simpler, but nothing that was recorded makes it likelier.
+
+    Args:
+        candidates: What was fitted.
+        weights: How probable each is, shape (candidates,).
+
+    Returns:
+        The same where nothing is alike, shape (candidates,).
+    """
+    gains = np.array([one.fit.gain for one in candidates])
+    classes = [frozenset(one.fit.hypotheses[-1].effect.equivalence) for one in candidates]
+    related = np.array([[bool(own & other) for other in classes] for own in classes])
+    alike = (np.abs(gains[:, None] - gains) < ALIKE) & related
+    _, groups = connected_components(alike, directed=False)
+    shared: Floats = (np.bincount(groups, weights) / np.bincount(groups))[groups]
+    return shared
 
 
 def density(candidate: Candidate, costs: FoldCosts, bic_penalty: float) -> Floats:

@@ -30,8 +30,8 @@ class Amount:
     """A value that prints itself in the unit in which people read it.
 
     In a format string ``{mass}`` prints the value with its unit, ``{force_x:number}`` the number alone,
-    ``{share:percent}`` the value in percent, and ``{gain:lower|higher}`` its size in percent followed by the
-    first word where it is negative and by the second where it is not.
+    ``{share:percent}`` the value in percent, and ``{gain:lower|higher}`` its size, of a ratio in percent,
+    followed by the first words where it is negative and by the second where it is not.
 
     Args:
         value: In the SI unit.
@@ -47,8 +47,10 @@ class Amount:
             return f"{100.0 * self.value:.3g} %"
         if form == "number":
             return f"{readable(self.unit)[0] * self.value:.3g}"
-        if form:
-            negative, _, positive = form.partition("|")
-            return f"{abs(100.0 * self.value):.3g} % {negative if self.value < 0.0 else positive}"
         factor, name = readable(self.unit)
+        if form:
+            if self.unit == "1":
+                factor, name = 100.0, "%"
+            negative, _, positive = form.partition("|")
+            return f"{factor * abs(self.value):.3g} {name} {negative if self.value < 0.0 else positive}"
         return f"{factor * self.value:.3g} {name}".strip()

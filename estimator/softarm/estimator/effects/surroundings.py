@@ -66,6 +66,8 @@ BASE_TILT = Effect(
 
 SOFTEST = 25.0
 """Stiffness [N/m] below which what holds a section back is no obstacle."""
+LEAST_CORD = 1e-6
+"""Length of a cord [m] below which it has no direction."""
 
 
 def contact_obstacle(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
@@ -144,17 +146,26 @@ EXTERNAL_FORCE = Effect(
 )
 
 
-OPPOSITE = np.array([0.0, 0.0, np.pi])
-"""From the parameters of a cord to those of the wall that would push to where it is tied."""
-
-
 def tether_stiffness(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Pull a section to where a cord or hoses are tied, once slack is used up: f = k max(-n . x - l, 0) n.
+    """Pull a section to the point to which a cord or hoses tie it: f = k max(|c| - r - l, 0) c / |c|.
 
-    n = (cos a, sin a, 0) points to where the cord is tied, far away; l is its slack while the arm hangs
-    straight. A cord is soft where an obstacle is hard: what holds back with less than ``SOFTEST`` is a cord.
+    c leads from the section's origin to that point, which lies at the distance r from where the origin is at
+    rest, in the direction (cos a, sin a, 0). l is the slack while the arm hangs straight, negative for a cord
+    that is stretched then. A cord is soft where an obstacle is hard: what holds back with less than
+    ``SOFTEST`` is a cord.
     """
-    return contact_obstacle(signals, theta + OPPOSITE, spot, memory)
+    stiffness, slack, azimuth, reach = theta
+    tied = spot.world.origins[spot.section] + reach * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    cord = tied - signals.positions[:, spot.section]
+    length = np.maximum(np.linalg.norm(cord, axis=1, keepdims=True), LEAST_CORD)
+    wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
+    pull = stiffness * np.maximum(length - reach - slack, 0.0)
+    wrenches[:, spot.section, :3] = pull * cord / length
+    return wrenches, memory
+
+
+REACH = 0.5
+"""Distance [m] at which a cord may be tied: about the size of the arm."""
 
 
 TETHER_STIFFNESS = Effect(
@@ -162,13 +173,14 @@ TETHER_STIFFNESS = Effect(
     hook="load",
     parameters=(
         ParameterSpec("stiffness", "N/m", 5.0, 0.0, SOFTEST, spread=20.0),
-        ParameterSpec("slack", "m", 0.01, 0.0, 0.5, "shape", "linear", spread=0.05),
+        ParameterSpec("slack", "m", 0.01, -0.1, 0.5, "shape", "linear", spread=0.05),
         ParameterSpec("azimuth", "rad", 0.0, -np.pi, np.pi, "shape", "linear", spread=2.0),
+        ParameterSpec("reach", "m", REACH, 0.05, 50.0, "shape", "log", spread=1.0),
     ),
     places=moving_sections,
     act=tether_stiffness,
-    statement="Hoses or a cord pull {where} in the direction of {azimuth}: beyond {slack} of slack they "
-    "pull with {stiffness}.",
+    statement="Hoses or a cord tie {where} to a point {reach} away in the direction of {azimuth}: with "
+    "{slack:of stretch|of slack} while the arm hangs straight, they pull with {stiffness} once taut.",
     source="Unilateral spring",
     in_healthy_arms=False,
     needs=frozenset({"large_pressures"}),
@@ -177,7 +189,7 @@ TETHER_STIFFNESS = Effect(
         ("contact_obstacle", "the opposite side of the workspace"),
     ),
     when="pose",
-    shapes=tuple((slack, angle) for slack in (0.0, 0.02, 0.04) for angle in AROUND),
+    shapes=tuple((slack, angle, REACH) for slack in (0.0, 0.02, 0.04) for angle in AROUND),
     responds_to_own_effect=True,
 )
 

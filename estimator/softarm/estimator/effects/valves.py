@@ -6,13 +6,20 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import Spot, whole_and_chambers
 
-OPEN = 100.0  # Pa; below it a chamber counts as vented
+OPEN = 500.0
+"""Pressure from which a chamber is open [Pa]; what the sensor of a vented one reads stays below it."""
 
 
 def pressure_bias(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Shift the pressures of open valves by a constant: p -> p + b where p > 0."""
+    """Shift the pressures of open valves by a constant: p -> max(p + b min(p / ``OPEN``, 1), 0).
+
+    The shift fades below ``OPEN``, or the noise of a vented chamber's sensor would open and shut it.
+    """
     (bias,) = theta
-    return signals.pressures + bias * (spot.chambers & (signals.pressures > OPEN)), memory
+    pressures = signals.pressures
+    opened = np.clip(pressures / OPEN, 0.0, 1.0)
+    shifted = np.where(opened > 0.0, np.maximum(pressures + bias * opened, 0.0), pressures)
+    return np.where(spot.chambers, shifted, pressures), memory
 
 
 PRESSURE_BIAS = Effect(

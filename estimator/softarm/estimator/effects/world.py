@@ -26,6 +26,7 @@ class World:
         stiffness: Stiffness of each segment against its couples: bending twice, torsion [N m], axial force
             [N/m]; shape (segments, 4), or as matrices in every pose, (samples, segments, 4, 4).
         masses: Weighed masses, gathered at the sections' origins [kg], 0 where unknown; shape (sections,).
+        origins: Origins of the sections at rest [m], shape (sections, 3).
         pressures_measured: Whether pressures are those of sensors at the chambers, not set-points.
         actuation: From the pressures in the chambers to those that drive the model; ``None`` where they are
             the same.
@@ -39,6 +40,7 @@ class World:
     pressure_limits: Floats
     stiffness: Floats
     masses: Floats
+    origins: Floats
     pressures_measured: bool = False
     actuation: ActuationMap | None = None
 
@@ -63,6 +65,7 @@ class World:
             np.array(specimen.pressure_limits),
             stiffness,
             _masses(specimen, segments, sections),
+            segments.rest.positions,
             pressures_measured,
             actuation,
         )
