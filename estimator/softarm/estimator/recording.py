@@ -41,6 +41,11 @@ class Recording:
         return tuple(dict.fromkeys(match.group(1) for match in matches if match))
 
     @property
+    def start(self) -> float:
+        """When it began by the clock of its session [s], which goes on between recordings."""
+        return float(self.info.get("session_start_s", 0.0))
+
+    @property
     def chambers(self) -> tuple[int, ...]:
         """Chambers with a measured or a commanded pressure."""
         return tuple(sorted(int(k) for k in self.members(r"pressure_(?:cmd_)?(\d+)_pa")))

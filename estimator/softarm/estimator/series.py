@@ -1,6 +1,6 @@
 """Time series: readings brought to common times, and stretches of samples."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -58,6 +58,14 @@ def window_means(values: Floats, windows: Indices, count: int) -> Floats:
         total = np.bincount(windows[observed], column[observed], count)
         means[members > 0, index] = total[members > 0] / members[members > 0]
     return means
+
+
+def inside(time: Floats, stretches: Iterable[tuple[float, float]]) -> Flags:
+    """Return which moments lie within one of some stretches [s], shape (samples,)."""
+    within = np.zeros(len(time), dtype=bool)
+    for begin, end in stretches:
+        within |= (time >= begin) & (time <= end)
+    return within
 
 
 def runs(flags: Flags) -> list[tuple[int, int]]:

@@ -172,10 +172,9 @@ def bends(specimen: Specimen, path: Path) -> Bends:
     rows = _rows_of(run.suite, suite)
     subject = subject_of(specimen, [sensor.name for sensor in suite.measurements])
     gravity = np.array(loaded.info.get("gravity_m_s2", specimen.gravity_m_s2))
-    start = float(loaded.info.get("session_start_s", 0.0))
     acting = _acting(specimen, run.pressures)
     sections = len(subject.world.sections)
-    drive = Drive.of(run.time + start, acting, gravity, sections, subject.segments.count)
+    drive = Drive.of(run.time + loaded.start, acting, gravity, sections, subject.segments.count)
     response = subject.arm.respond(drive)
     arm = LinearisedArm(subject.segments, drive, response)
     names = [sensor.name for sensor in suite.measurements]

@@ -306,12 +306,12 @@ def test_valves_cut_pressures_as_they_say():
 
 @pytest.mark.parametrize("bias", [-600.0, 600.0])
 def test_the_noise_of_a_vented_chamber_does_not_open_it(bias: float):
-    """A sensor that reads 0 +- 60 Pa passes 100 Pa every tenth of a second."""
+    """A sensor that reads 0 +- 60 Pa passes 100 Pa in one of twenty samples."""
     pressures = np.zeros((1000, 6))
     pressures[:, 2] = np.random.default_rng(3).normal(0.0, 60.0, 1000)
     drive = drive_of(0.01 * np.arange(1000.0), pressures)
     after = run(drive, placed("pressure_bias", [bias], chamber=2)).drive.pressures[:, 2]
-    assert np.abs(after - pressures[:, 2]).mean() < 0.06 * abs(bias)
+    assert np.abs(after - pressures[:, 2]).mean() < 0.01 * abs(bias)
     opened = after[np.argsort(pressures[:, 2])]
     assert (np.diff(opened) >= 0.0).all() or bias < 0.0
     assert after.min() >= pressures.min()

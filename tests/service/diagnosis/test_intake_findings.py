@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.intake import with_intakes
+from softarm.estimator.diagnosis.events import EventErrors
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
+from softarm.estimator.intake.events import LEAST
 from softarm.estimator.recording import Recording
 from tests.service.diagnosis.made_diagnosis import diagnosis
 
@@ -27,6 +29,21 @@ def test_beside_a_law_without_a_name_nobody_can_say_what_is_an_event(nominal, ve
     found = with_intakes(replace(diagnosis(), nominal=nominal, verdict=verdict, findings=()), [INTAKE], ())
     assert [one.effect for one in found.findings] == (["event"] if reported else [])
     assert any(EVENT.statement in note for note in found.notes) != reported
+
+
+@pytest.mark.parametrize(("error", "reported"), [(0.5, False), (2.0, True)])
+def test_what_the_model_with_all_findings_predicts_is_no_event(error: float, reported: bool) -> None:
+    """The recording began at 100 s of its session, so the event is at 112 to 116 s."""
+    clock = np.arange(100.0, 130.0, 0.1)
+    errors = np.full((len(clock), 1), error * LEAST["rad"])
+    left = EventErrors("run_03", clock, errors, np.zeros(1), ("rad",))
+    late = replace(INTAKE, recording=replace(INTAKE.recording, info={"session_start_s": 100.0}))
+    found = with_intakes(replace(diagnosis(), findings=()), [late], (), [left])
+    assert [one.effect for one in found.findings] == (["event"] if reported else [])
+    note = (
+        f"{EVENT.statement} The model with all findings predicts it to within 1 degrees, so it is no event."
+    )
+    assert (note in found.notes) != reported
 
 
 def test_a_sensor_that_stands_still_in_several_recordings_is_one_finding():

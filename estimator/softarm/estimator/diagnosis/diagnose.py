@@ -20,6 +20,7 @@ from softarm.estimator.diagnosis.conclude import (
     unknown,
 )
 from softarm.estimator.diagnosis.detection import detection_limits
+from softarm.estimator.diagnosis.events import EventErrors, event_errors
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.form import form_columns
 from softarm.estimator.diagnosis.innovations import before_and_after, worst_stretch
@@ -93,6 +94,7 @@ class DiagnosisOutcome:
         stds: Standard deviations of these.
         fitted: The calibration; ``None`` where only valves were recorded.
         covariance: Covariance of its unknowns, shape (unknowns, unknowns).
+        event_errors: What the model with all findings leaves of the events of the recordings in question.
     """
 
     diagnosis: Diagnosis
@@ -100,6 +102,7 @@ class DiagnosisOutcome:
     stds: tuple[tuple[float, ...], ...]
     fitted: Nuisances | None = None
     covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    event_errors: tuple[EventErrors, ...] = ()
 
 
 def diagnose(
@@ -382,12 +385,13 @@ def _outcome(
     fit = choice.fit
     known = len(evidence.fitted.values)
     covariance = search.prior.covariance[:known, :known]
+    events = event_errors(search, fit)
     if fit is None:
-        return DiagnosisOutcome(diagnosis, (), (), evidence.fitted, covariance)
+        return DiagnosisOutcome(diagnosis, (), (), evidence.fitted, covariance, events)
     world = _common_world(evidence.stages).world
     placed = tuple(h.placed(world, theta) for h, theta in zip(fit.hypotheses, fit.thetas, strict=True))
     stds = tuple(tuple(fit.stds(k).tolist()) for k in range(len(placed)))
-    return DiagnosisOutcome(diagnosis, placed, stds, evidence.fitted, covariance)
+    return DiagnosisOutcome(diagnosis, placed, stds, evidence.fitted, covariance, events)
 
 
 def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:

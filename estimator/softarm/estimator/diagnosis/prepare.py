@@ -15,7 +15,7 @@ from softarm.estimator.model import Load
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.sensing import SensorSuite
-from softarm.estimator.series import window_means
+from softarm.estimator.series import inside, window_means
 from softarm.estimator.specimen import Specimen
 
 BLOCK = 10.0
@@ -45,12 +45,24 @@ class Prepared:
 
 
 def prepare(
-    recording: Recording, specimen: Specimen, sections: tuple[str, ...], *, nominal: bool
+    recording: Recording,
+    specimen: Specimen,
+    sections: tuple[str, ...],
+    *,
+    nominal: bool,
+    events: Sequence[tuple[float, float]] = (),
 ) -> Prepared:
     """Arrange a recording for a diagnosis, at its own rate.
 
     Gravity is the recording's ``gravity_m_s2`` where it has one, else the specimen's. A force gauge becomes a
     known load as in a calibration.
+
+    Args:
+        recording: What was recorded.
+        specimen: The robot.
+        sections: Sections of the model.
+        nominal: Whether it shows the arm in its known state.
+        events: Stretches of its time [s] whose readings no fit may see.
 
     Raises:
         InputError: The recording does not fit the specimen, holds no motion, or a gauge was saturated.
@@ -64,19 +76,20 @@ def prepare(
     if len(run.time) < 2:
         raise InputError(recording.name, "pressures and motion are never present together", "record both")
     samples = len(run.time)
-    start = float(recording.info.get("session_start_s", 0.0))
+    during = inside(run.time, events)[:, None]
     session = Session(
         name=recording.name,
         nominal=nominal,
-        clock=run.time + start,
+        clock=run.time + recording.start,
         pressures=run.pressures,
         gravity=np.tile(run.gravity, (samples, 1)),
         wrenches=_wrenches(run, forces, sections),
         suite=run.suite,
-        readings=run.readings,
+        readings=np.where(during, np.nan, run.readings),
         sigma=np.zeros(run.suite.size),
         blocks=blocks_of(run.time),
         heldout=np.zeros(samples, dtype=bool),
+        event_readings=np.where(during, run.readings, np.nan) if during.any() else None,
     )
     return Prepared(session, tuple(notes))
 
@@ -95,7 +108,7 @@ def averaged(session: Session, step: float) -> Session:
     windows = ((session.clock - session.clock[0]) / (count * session.step) + 1e-9).astype(np.int64)
     numbers, places = np.unique(windows, return_inverse=True)
     size = len(numbers)
-    readings = window_means(session.readings, places, size)
+    events = session.event_readings
     clock = window_means(session.clock[:, None], places, size)[:, 0]
     mean = replace(
         session,
@@ -105,9 +118,10 @@ def averaged(session: Session, step: float) -> Session:
         wrenches=window_means(session.wrenches.reshape(session.samples, -1), places, size).reshape(
             size, *session.wrenches.shape[1:]
         ),
-        readings=_unit(session.suite, readings),
+        readings=_unit(session.suite, window_means(session.readings, places, size)),
         blocks=blocks_of(clock),
         heldout=np.zeros(size, dtype=bool),
+        event_readings=None if events is None else _unit(session.suite, window_means(events, places, size)),
     )
     white = _white_noise(session) / np.sqrt(count)
     whole = replace(mean, sigma=np.maximum(np.hypot(white, _wander(mean)), _resolution(session)))

@@ -26,6 +26,8 @@ class Session:
         blocks: Number of the stretch of time that each sample belongs to, shape (samples,).
         heldout: Samples that no fit may see, shape (samples,).
         natural_frequency: At which the arm vibrated when it was released [Hz].
+        event_readings: Readings during events, NaN elsewhere, which no fit may see, shape (samples,
+            readings); ``None`` where nothing happened.
         confirms: Of those held out, the samples on which a choice is confirmed, shape (samples,); the others
             decide nothing.
     """
@@ -42,6 +44,7 @@ class Session:
     blocks: Indices
     heldout: Flags
     natural_frequency: float | None = None
+    event_readings: Floats | None = None
     confirms: Flags | bool = False
 
     @property
@@ -82,6 +85,7 @@ class Session:
             readings=self.readings[keep],
             blocks=self.blocks[keep],
             heldout=self.heldout[keep],
+            event_readings=None if self.event_readings is None else self.event_readings[keep],
             confirms=self.confirms if isinstance(self.confirms, bool) else self.confirms[keep],
         )
 

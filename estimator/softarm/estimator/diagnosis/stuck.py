@@ -162,13 +162,20 @@ def without_stuck(stage: Stage, stuck: tuple[Stuck, ...]) -> Stage:
     """Lose the readings of sensors while they stand still."""
     if not stuck:
         return stage
-    readings = stage.session.readings.copy()
-    time = stage.session.clock - stage.session.clock[0]
+    session = stage.session
+    lost = np.zeros(session.readings.shape, dtype=bool)
+    time = session.clock - session.clock[0]
     for one in stuck:
         entries = stage.suite.reading_slices.get(one.sensor)
         if entries is not None:
-            readings[(time >= one.since) & (time <= one.until), entries] = np.nan
-    return replace(stage, session=replace(stage.session, readings=readings))
+            lost[(time >= one.since) & (time <= one.until), entries] = True
+    events = session.event_readings
+    left = replace(
+        session,
+        readings=np.where(lost, np.nan, session.readings),
+        event_readings=None if events is None else np.where(lost, np.nan, events),
+    )
+    return replace(stage, session=left)
 
 
 def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:

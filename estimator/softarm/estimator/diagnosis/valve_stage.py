@@ -23,8 +23,7 @@ from softarm.estimator.diagnosis.result import (
     Unexplained,
     Verdict,
 )
-from softarm.estimator.diagnosis.valves import LAGS, Valve, ceilings_of, predict, valves_of
-from softarm.estimator.effects.valves import OPEN
+from softarm.estimator.diagnosis.valves import LAGS, OPEN, Valve, ceilings_of, predict, valves_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import EffectName, Place
 

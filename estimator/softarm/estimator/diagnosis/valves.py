@@ -13,11 +13,12 @@ import numpy as np
 from scipy.optimize import minimize_scalar
 
 from softarm.estimator.arrays import Flags, Floats
-from softarm.estimator.effects.valves import OPEN
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
 from softarm.estimator.statistics import MAD_TO_STD
 
+OPEN = 500.0
+"""Set-points above it [Pa] open a valve."""
 SETTLED = 0.8
 """Seconds after a change at which a valve has settled."""
 STEP = 2000.0

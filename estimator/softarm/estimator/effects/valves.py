@@ -6,18 +6,20 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
 from softarm.estimator.effects.world import Spot, whole_and_chambers
 
-OPEN = 500.0
-"""Pressure from which a chamber is open [Pa]; what the sensor of a vented one reads stays below it."""
+VENTED, OPEN = 100.0, 300.0
+"""Pressures up to which a chamber counts as vented and from which as open [Pa]; the noise of a vented one's
+sensor, and its steps of 100 Pa, stay below."""
 
 
 def pressure_bias(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Shift the pressures of open valves by a constant: p -> max(p + b min(p / ``OPEN``, 1), 0).
+    """Shift the pressures of open valves by a constant: p -> max(p + b s, 0), s from 0 to 1.
 
-    The shift fades below ``OPEN``, or the noise of a vented chamber's sensor would open and shut it.
+    It sets in evenly between ``VENTED`` and ``OPEN``: set in at once, the noise of a vented chamber's sensor
+    would open it.
     """
     (bias,) = theta
     pressures = signals.pressures
-    opened = np.clip(pressures / OPEN, 0.0, 1.0)
+    opened = np.clip((pressures - VENTED) / (OPEN - VENTED), 0.0, 1.0)
     shifted = np.where(opened > 0.0, np.maximum(pressures + bias * opened, 0.0), pressures)
     return np.where(spot.chambers, shifted, pressures), memory
 

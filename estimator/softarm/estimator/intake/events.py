@@ -59,6 +59,8 @@ LEAST = {"rad": np.radians(2.0), "m": 4e-3}
 """Events below this size in every unit leave a fit alone."""
 LEAST_SHARE = 0.08
 """So do events below this share of the range of a value."""
+LARGE = 90.0
+"""Percentile of the errors within a stretch that counts as its size."""
 PRESSED = 2e3
 """Pressures that never change by this [Pa] have no law."""
 TAUT = 0.02
@@ -146,6 +148,16 @@ def find_events(recording: Recording, specimen: Specimen) -> tuple[Disturbance, 
     return tuple(event for event in events if event is not None)
 
 
+def least_sizes(units: Sequence[str], ranges: Floats) -> Floats:
+    """Return the size of an error above which it moves a fit.
+
+    Args:
+        units: Unit of each value.
+        ranges: Range of each value, shape (values,).
+    """
+    return np.maximum([LEAST[unit] for unit in units], LEAST_SHARE * ranges)
+
+
 def _has_law(recording: Recording, streams: tuple[SampledStream, ...]) -> bool:
     """Whether a recording is long enough, moves, and has pressures that change."""
     seconds = float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
@@ -161,12 +173,12 @@ def _touches(recording: Recording, streams: tuple[SampledStream, ...]) -> Touche
     fine = grid_of(recording, streams, FINEST)
     motion = unprovoked_motion(fine)
     ranges = np.ptp(np.nanpercentile(fine.values, [2.0, 98.0], axis=0), axis=0)
-    large = motion.excess > np.maximum([LEAST[unit] for unit in fine.units], LEAST_SHARE * ranges)
+    large = motion.excess > least_sizes(fine.units, ranges)
     large &= ~_near(_pulled(recording, fine)[: len(large)], round(2.0 / FINEST))[:, None]
     numbers = [int(k) for k in np.unique(fine.stream)]
     found: Touches = {}
     for k in numbers:
-        times = _runs(large[:, fine.stream == k].any(axis=1), motion.time)
+        times = _runs(np.asarray(large[:, fine.stream == k].any(axis=1)), motion.time)
         found[k] = _between(times)
     return found
 
@@ -382,10 +394,10 @@ def _event(
     """Describe a stretch; ``None`` where it is too small to move a fit."""
     inside = (fit.seconds >= begin) & (fit.seconds < end)
     grid, numbers = fit.grid, np.unique(fit.grid.stream)
-    sizes = np.percentile(np.abs(fit.errors[inside]), 90.0, axis=0)
+    sizes = np.percentile(np.abs(fit.errors[inside]), LARGE, axis=0)
     usual = np.sqrt(np.median(fit.errors**2, axis=0) / 0.455)
     ranges = np.ptp(np.percentile(grid.values[fit.rows], [2.0, 98.0], axis=0), axis=0)
-    enough = (sizes > [LEAST[unit] for unit in grid.units]) & (sizes > LEAST_SHARE * ranges)
+    enough = sizes > least_sizes(grid.units, ranges)
     probable = np.isin(grid.stream, numbers[chances[:, begin:end].max(axis=1) > PROBABLE])
     if not (enough & probable).any():
         return None
@@ -419,7 +431,7 @@ def _tip_displacement(
         names = {section.name: section for section in specimen.sections}
         if len(columns) == 2 and (section := names.get(streams[number].target)):
             total += fit.errors[np.ix_(inside, columns)] * max(tip - section.from_m + 0.06, 0.0)
-    return float(np.percentile(np.linalg.norm(total, axis=1), 90.0)) if len(total) else 0.0
+    return float(np.percentile(np.linalg.norm(total, axis=1), LARGE)) if len(total) else 0.0
 
 
 def _equivalent(recording: Recording, fit: HeldOutErrors, inside: Flags) -> tuple[int, float] | None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import inside
 
 Kind = Literal["unit", "offset", "sign", "labels", "frame", "clock", "limit", "lost", "stuck", "structure"]
 NO_MISMATCH = ("limit", "lost")
@@ -137,6 +138,23 @@ class Intake:
         """The recording as an estimate may see it: events are there to be estimated, burst limits are not."""
         return without_motion(self.recording, self.beyond)
 
+    def with_events(self, recording: Recording) -> Recording:
+        """Return this recording, as a fit may see it, with what was read during events.
+
+        Args:
+            recording: As of ``for_fits``, perhaps with other pressures.
+        """
+        intervals = [event.interval for event in self.events]
+        others = [stretch for stretch in self.excluded if stretch not in intervals]
+        during = inside(recording.time, intervals) & ~inside(recording.time, others)
+        columns = {
+            name: np.where(during, self.recording.columns[name], values)
+            if name.startswith(MOTION)
+            else values
+            for name, values in recording.columns.items()
+        }
+        return replace(recording, columns=columns)
+
     def required(self) -> "Intake":
         """Return this intake unless the recording is refused.
 
@@ -154,13 +172,11 @@ class Intake:
 
 def without_motion(recording: Recording, stretches: Sequence[tuple[float, float]]) -> Recording:
     """Return a recording whose motion is lost during some stretches [s]; the pressures stay."""
-    inside = np.zeros(len(recording.time), dtype=bool)
-    for begin, end in stretches:
-        inside |= (recording.time >= begin) & (recording.time <= end)
-    if not inside.any():
+    lost = inside(recording.time, stretches)
+    if not lost.any():
         return recording
     columns = {
-        name: np.where(inside, np.nan, values) if name.startswith(MOTION) else values
+        name: np.where(lost, np.nan, values) if name.startswith(MOTION) else values
         for name, values in recording.columns.items()
     }
     return replace(recording, columns=columns)

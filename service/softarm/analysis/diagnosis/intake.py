@@ -7,7 +7,9 @@ import numpy as np
 
 from softarm.analysis.offline.inputs import taken_in
 from softarm.estimator.diagnosis.admit import usable
+from softarm.estimator.diagnosis.events import EventErrors, errors_of
 from softarm.estimator.diagnosis.result import Diagnosis, Evidence, Finding, Quantity
+from softarm.estimator.effects.amounts import Amount
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
 from softarm.estimator.intake.result import NO_MISMATCH
 from softarm.estimator.intake.still import WINDOW
@@ -53,20 +55,32 @@ def take_all_in(
     return tuple(i.for_fits for i in questioned), tuple(i.for_fits for i in known), questioned, tuple(notes)
 
 
-def with_intakes(diagnosis: Diagnosis, intakes: Sequence[Intake], notes: Sequence[str]) -> Diagnosis:
+def with_intakes(
+    diagnosis: Diagnosis,
+    intakes: Sequence[Intake],
+    notes: Sequence[str],
+    on_the_model: Sequence[EventErrors] = (),
+) -> Diagnosis:
     """Add findings of the intake; they were mended or left out, so the verdict is that of the rest.
 
-    The intake compares a recording with a steady law that the recording itself shows. Where nominal
-    recordings tell that the arm now follows a law without a name, nobody can say what is an event: it becomes
-    a note.
+    The intake compares a recording with a steady law that the recording itself shows. An event that the model
+    with all findings predicts is none: it becomes a note. So does every event where nominal recordings tell
+    that the arm now follows a law without a name, for nobody can say what such a law does.
+
+    Args:
+        diagnosis: What was found of the recordings as fits may see them.
+        intakes: Of the recordings in question.
+        notes: What was noticed of the recordings.
+        on_the_model: What the model with all findings leaves of their events.
     """
-    events = [event for intake in intakes for event in intake.events]
-    if diagnosis.nominal and diagnosis.verdict == "unexplained":
-        notes = (
-            *notes,
-            *(f"{event.statement} What acts without a name may have caused it." for event in events),
-        )
-        events = []
+    events: list[Disturbance] = []
+    for intake in intakes:
+        for event in intake.events:
+            cause = _cause(diagnosis, intake, event, on_the_model)
+            if cause:
+                notes = (*notes, f"{event.statement} {cause}")
+            else:
+                events.append(event)
     faults = [one for intake in intakes for one in intake.mismatches if one.kind not in NO_MISMATCH]
     # A sensor that stands still in several recordings is one finding.
     alike: dict[object, list[RecordingFault]] = {}
@@ -75,6 +89,21 @@ def with_intakes(diagnosis: Diagnosis, intakes: Sequence[Intake], notes: Sequenc
     mismatches = [mismatch_finding(*group) for group in alike.values()]
     findings = (*mismatches, *diagnosis.findings, *map(event_finding, events))
     return replace(diagnosis, findings=findings, notes=(*notes, *diagnosis.notes))
+
+
+def _cause(
+    diagnosis: Diagnosis, intake: Intake, event: Disturbance, on_the_model: Sequence[EventErrors]
+) -> str:
+    """Say what explains an event after all; empty where nothing does."""
+    if diagnosis.nominal and diagnosis.verdict == "unexplained":
+        return "What acts without a name may have caused it."
+    errors = errors_of(event.recording, on_the_model)
+    begin, end = (moment + intake.recording.start for moment in event.interval)
+    left = errors.explained((begin, end)) if errors else None
+    if left is None:
+        return ""
+    within = " and ".join(f"{Amount(size, unit)}" for unit, size in left.items())
+    return f"The model with all findings predicts it to within {within}, so it is no event."
 
 
 def event_finding(event: Disturbance) -> Finding:

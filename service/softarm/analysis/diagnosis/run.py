@@ -35,6 +35,7 @@ from softarm.estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, 
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.accepted import physics_entry
 from softarm.estimator.errors import InputError, suggest
+from softarm.estimator.intake import Intake
 from softarm.estimator.recording import Recording
 from softarm.estimator.rod import CalibratedRod, FittedRod, adapted
 from softarm.estimator.sensing import Bend
@@ -131,12 +132,12 @@ def run(
     else:
         advance("preparing the model")
         model = rod_model(request.specimen, rod())
-    sessions, notes = sessions_of(admitted, request.specimen, model)
+    sessions, notes = sessions_of(admitted, request.specimen, model, intakes)
     if _without_axes(request.specimen, sessions):
         advance("finding the axes of bends")
         specimen, words = with_axes(request.specimen, admitted, model.sections, rod())
         model = replace(model, specimen=specimen)
-        sessions, notes = sessions_of(admitted, specimen, model)
+        sessions, notes = sessions_of(admitted, specimen, model, intakes)
         notes = (*notes, words)
     if model.fast and known is not None and not trusted(known):
         error = 100.0 * known.report.trained.force_rms
@@ -145,7 +146,9 @@ def run(
         model, sessions, executor, seed=request.seed, notes=notes, effects=effects, advance=advance, keep=keep
     )
     beyond = outcome.fitted.beyond_prior if outcome.fitted is not None else ()
-    diagnosis = with_intakes(with_valves(outcome.diagnosis, faults), intakes, (*found, *beyond))
+    diagnosis = with_intakes(
+        with_valves(outcome.diagnosis, faults), intakes, (*found, *beyond), outcome.event_errors
+    )
     diagnosis = replace(diagnosis, seconds=time.monotonic() - began)
     return replace(outcome, diagnosis=diagnosis)
 
@@ -249,13 +252,28 @@ def _calibrated(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen:
 
 
 def sessions_of(
-    admitted: Admitted, specimen: Specimen, model: Model
+    admitted: Admitted, specimen: Specimen, model: Model, intakes: Sequence[Intake] = ()
 ) -> tuple[tuple[Session, ...], tuple[str, ...]]:
-    """Bring all recordings to the rate of a diagnosis."""
+    """Bring all recordings to the rate of a diagnosis.
+
+    Args:
+        admitted: Recordings as fits may see them.
+        specimen: The robot.
+        model: Its model.
+        intakes: Hold what some of them read during events, which goes beside what fits may see.
+    """
+    eventful = {intake.recording.name: intake for intake in intakes if intake.events}
     notes = list(admitted.notes)
     native, steps = [], []
     for recording, nominal in admitted.all:
-        prepared = prepare(recording, specimen, model.sections, nominal=nominal)
+        intake = eventful.get(recording.name)
+        prepared = prepare(
+            intake.with_events(recording) if intake else recording,
+            specimen,
+            model.sections,
+            nominal=nominal,
+            events=[event.interval for event in intake.events] if intake else (),
+        )
         notes += prepared.notes
         frequency = ring_frequency(prepared.session)
         release = find_release(prepared.session, frequency)

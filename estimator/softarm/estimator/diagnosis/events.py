@@ -1,0 +1,94 @@
+"""What a diagnosed model makes of the stretches that no steady law of the pressures explained.
+
+The intake compares a recording with a law that the recording itself shows, before anything is known of the
+arm: what a wall, a cord or friction do once is no part of that law and looks like a touch. No fit has seen
+these stretches. Where the model with all findings predicts them, nothing else acted.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from softarm.estimator.arrays import Floats
+from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.innovations import learnt_coefficients
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.intake.events import LARGE, least_sizes
+from softarm.estimator.series import inside
+
+
+@dataclass(frozen=True)
+class EventErrors:
+    """What a model leaves of the events of a recording.
+
+    Args:
+        recording: Name of the recording.
+        clock: Time of the session's clock [s], shape (samples,).
+        errors: Measured minus predicted, NaN outside of events, shape (samples, rows).
+        ranges: Range of each row, events included, shape (rows,).
+        units: Unit of each row.
+    """
+
+    recording: str
+    clock: Floats
+    errors: Floats
+    ranges: Floats
+    units: tuple[str, ...]
+
+    def explained(self, interval: tuple[float, float]) -> dict[str, float] | None:
+        """Return the largest error of a model that predicts an event, in each unit; ``None`` if it does not.
+
+        It does if every error is below what the intake would have reported.
+
+        Args:
+            interval: From when to when, by the session's clock [s].
+        """
+        errors = np.abs(self.errors[inside(self.clock, [interval])])
+        seen = np.isfinite(errors).any(axis=0)
+        if not seen.any():
+            return None
+        sizes = np.nanpercentile(errors[:, seen], LARGE, axis=0)
+        units = np.array(self.units)[seen]
+        if (sizes > least_sizes(units.tolist(), self.ranges[seen])).any():
+            return None
+        return {str(unit): float(sizes[units == unit].max()) for unit in np.unique(units)}
+
+
+def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
+    """Compute what a model leaves of the events of the recordings in question.
+
+    Args:
+        search: The search, whose common coefficients are learnt beside the findings.
+        fit: All findings.
+    """
+    learnt = learnt_coefficients(search, fit)
+    found = []
+    for stage, columns in zip(search.evidence.stages, search.evidence.columns, strict=True):
+        readings = stage.session.event_readings
+        if readings is None or stage.session.nominal:
+            continue
+        change = 0.0 if fit is None else search.change(stage, fit)
+        errors = stage.innovation(readings) - change - columns @ learnt
+        name, clock, units = stage.session.name, stage.session.clock, tuple(stage.suite.units)
+        found.append(EventErrors(name, clock, errors, _ranges(stage, readings), units))
+    return tuple(found)
+
+
+def _ranges(stage: Stage, during: Floats) -> Floats:
+    """Return the range of each row, events included, shape (rows,); zero where none was read.
+
+    Args:
+        stage: The session.
+        during: What was read during events, NaN elsewhere, shape (samples, readings).
+    """
+    every = np.where(np.isfinite(during), during, stage.session.readings)
+    rows = replace(stage, session=replace(stage.session, readings=every)).reading_rows
+    observed = [row[np.isfinite(row)] for row in rows.T]
+    return np.array([np.ptp(np.percentile(row, [2.0, 98.0])) if len(row) else 0.0 for row in observed])
+
+
+def errors_of(recording: str, errors: Sequence[EventErrors]) -> EventErrors | None:
+    """Return the errors of a recording, where it had events that the model was asked for."""
+    return next((one for one in errors if one.recording == recording), None)

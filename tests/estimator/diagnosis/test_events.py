@@ -1,0 +1,86 @@
+"""Stretches that look like a touch before the physics is known, and what the diagnosed model says of them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from softarm.analysis.diagnosis.workers import Inline
+from softarm.estimator.diagnosis.diagnose import diagnose
+from softarm.estimator.diagnosis.events import EventErrors
+from softarm.estimator.diagnosis.prepare import averaged, prepare
+from softarm.estimator.diagnosis.session import Session
+from softarm.estimator.intake import Disturbance, Intake
+from softarm.estimator.intake.events import LEAST
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen.physics import Place
+from tests.estimator.diagnosis.linear_arm import model, trial
+from tests.estimator.diagnosis.test_prepare import SECTIONS, SOPRA, _recording
+
+WEAK = ("chamber_gain", Place(chamber=1), (-0.15,))
+BEGIN, END = 20.0, 26.0
+
+
+def eventful(session: Session, touch: float) -> Session:
+    """Hide a stretch of a session from fits, in which something turns the tip by an angle [rad]."""
+    time = session.clock - session.clock[0]
+    during = ((time >= BEGIN) & (time <= END))[:, None]
+    touched = session.readings + np.where(during, touch, 0.0)
+    return replace(
+        session,
+        readings=np.where(during, np.nan, session.readings),
+        event_readings=np.where(during, touched, np.nan),
+    )
+
+
+@pytest.mark.parametrize(("touch", "explained"), [(0.0, True), (np.radians(12.0), False)])
+def test_what_the_findings_cause_is_no_event_and_a_touch_stays_one(touch: float, explained: bool) -> None:
+    sessions = trial([WEAK])
+    sessions[3] = eventful(sessions[3], touch)
+    outcome = diagnose(model(), sessions, Inline(), effects=("chamber_gain", "sensor_bias"))
+    assert [finding.effect for finding in outcome.diagnosis.findings] == ["chamber_gain"]
+    (errors,) = outcome.event_errors
+    assert errors.recording == "run_1"
+    start = float(sessions[3].clock[0])
+    left = errors.explained((start + BEGIN, start + END))
+    assert (left is not None) is explained
+    if left is not None:
+        assert left["rad"] < LEAST["rad"]
+    assert errors.explained((start, start + 5.0)) is None  # nothing was read there that no fit has seen
+
+
+def test_an_error_is_measured_by_what_the_intake_would_have_reported() -> None:
+    clock = np.arange(40.0)
+    errors = np.full((40, 2), np.nan)
+    errors[10:20] = 0.9 * np.array([LEAST["m"], LEAST["rad"]])
+    model_errors = EventErrors("run", clock, errors, np.zeros(2), ("m", "rad"))
+    assert model_errors.explained((10.0, 19.0)) == pytest.approx(
+        {"m": 0.9 * LEAST["m"], "rad": 0.9 * LEAST["rad"]}
+    )
+    larger = replace(model_errors, errors=1.2 * errors)
+    assert larger.explained((10.0, 19.0)) is None
+    assert replace(larger, ranges=np.array([1.0, 1.0])).explained((10.0, 19.0)) is not None
+
+
+def test_readings_during_an_event_stay_beside_those_that_fits_see() -> None:
+    recording = _recording()
+    event = Disturbance("run", (10.0, 14.0), ("frame_tip",), 0.1, 0.0, 0.01, 0.0, 0.99)
+    intake = Intake(recording, events=(event,), excluded=((10.0, 14.0), (13.0, 20.0)))
+    seen = intake.with_events(intake.for_fits)
+    height = seen.columns["frame_tip_z_m"]
+    shown = (recording.time <= 20.0) & (recording.time >= 13.0)
+    assert np.array_equal(np.isnan(height), shown)  # what another reason excludes stays lost
+    session = averaged(prepare(seen, SOPRA, SECTIONS, nominal=False, events=[event.interval]).session, 0.1)
+    assert session.event_readings is not None
+    during = (session.clock > 10.05) & (session.clock < 12.9)
+    assert np.isnan(session.readings[during]).all()
+    assert np.isfinite(session.event_readings[during]).all()
+    assert np.isnan(session.event_readings[(session.clock < 9.95) | (session.clock > 14.05)]).all()
+    kept = session.thin(during)
+    assert kept.event_readings is not None
+    assert len(kept.event_readings) == during.sum()
+
+
+def test_the_session_clock_goes_on_between_recordings() -> None:
+    assert Recording("run", np.arange(3.0), {}, {"session_start_s": 12.5}).start == 12.5
+    assert Recording("run", np.arange(3.0), {}).start == 0.0
