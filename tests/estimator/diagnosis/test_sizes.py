@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis import sizes
+from softarm.estimator.diagnosis.candidates import Accepted, Candidate, ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.fit import Fit
@@ -174,7 +175,7 @@ def test_the_weakest_of_uncertain_effects_is_taken_back_first(monkeypatch):
     hypotheses = tuple(Hypothesis(EFFECTS[n], p) for n, p in zip(names, places, strict=True))
     fit = Fit(hypotheses, (np.array([0.1]),) * 3, 1e-4 * np.eye(3), 100.0, at_bound=False)
     gains = {"tip_payload": 90.0, "chamber_gain": 20.0, "segment_stiffness": 10.0}
-    choice = SimpleNamespace(fit=fit, accepted=names)
+    choice = SimpleNamespace(fit=fit, accepted=tuple(SimpleNamespace(name=name, field=()) for name in names))
 
     def less(choice, lost):
         kept = [k for k in range(len(choice.accepted)) if k not in lost]
@@ -187,4 +188,33 @@ def test_the_weakest_of_uncertain_effects_is_taken_back_first(monkeypatch):
     gained = SimpleNamespace(without=less, contribution=lambda own, k: gains[own.hypotheses[k].name])
     left, _, dropped = without_fragments(cast("Search", gained), cast("Any", choice))
     assert dropped == ["segment_stiffness", "chamber_gain"]
-    assert left.accepted == ("tip_payload",)
+    assert [one.name for one in left.accepted] == ["tip_payload"]
+
+
+@pytest.mark.parametrize(("deviation", "expected"), [(0.02, "line_lag"), (0.001, "line_leak")])
+def test_a_leak_that_is_not_distinguishable_from_none_is_a_late_line(monkeypatch, deviation, expected):
+    """The search saw a share of a hundredth with a deviation of a thousandth."""
+    place = Place(chamber=1)
+
+    def fit_of(name: str, theta: list[float]) -> Fit:
+        covariance = 1e-6 * np.eye(len(theta))
+        return Fit((Hypothesis(EFFECTS[name], place),), (np.array(theta),), covariance, 50.0, at_bound=False)
+
+    leak, lag = fit_of("line_leak", [0.01, 0.2, 2.0]), fit_of("line_lag", [0.25])
+    field = (Candidate(0, leak, 90.0), Candidate(1, lag, 80.0))
+    accepted = Accepted(field[0], cast("Any", None), field)
+    choice = ChosenEffects((accepted,), leak, 0.0, None)
+
+    def honest(_search, own):
+        if own.hypotheses[0].name == "line_lag":
+            return replace(own)
+        scales = np.array([p.scale for p in own.hypotheses[0].effect.parameters])
+        return replace(own, covariance=np.diag([deviation / scales[0], 0.02 / scales[1], 1.0]) ** 2)
+
+    monkeypatch.setattr(sizes, "sized", honest)
+    search = SimpleNamespace(refit=lambda fit: fit)
+    left, _, dropped = without_fragments(cast("Search", search), choice)
+    assert left.fit is not None
+    assert [h.name for h in left.fit.hypotheses] == [expected]
+    assert left.accepted[0].candidate is (field[1] if expected == "line_lag" else field[0])
+    assert not dropped

@@ -50,6 +50,23 @@ def test_a_sensor_that_stops_is_named_with_its_time(stages: tuple[Stage, Stage])
     np.testing.assert_array_equal(blind.session.readings[:, :2], stopped.session.readings[:, :2])
 
 
+def test_a_sensor_that_stands_still_during_an_event_is_stuck_there_too(stages: tuple[Stage, Stage]) -> None:
+    stopped = stages[1]
+    session = stopped.session
+    during = np.arange(session.samples)[:, None] >= 100
+    hidden = replace(
+        session,
+        readings=np.where(during, np.nan, session.readings),
+        event_readings=np.where(during, session.readings, np.nan),
+    )
+    stuck = find_stuck(replace(stopped, session=hidden))
+    assert stuck == find_stuck(stopped)
+    left = without_stuck(replace(stopped, session=hidden), stuck).session.event_readings
+    assert left is not None
+    assert np.isnan(left[115:200, 2:]).all()
+    assert np.isfinite(left[115:200, :2]).all()
+
+
 def test_a_late_sensor_is_not_stuck(stages: tuple[Stage, Stage]) -> None:
     run = stages[0].session
     settled = np.repeat(np.arange(0, run.samples, 20), 20)[: run.samples]  # poses held for four seconds

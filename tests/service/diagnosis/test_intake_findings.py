@@ -7,6 +7,7 @@ import pytest
 
 from softarm.analysis.diagnosis.intake import with_intakes
 from softarm.estimator.diagnosis.events import EventErrors
+from softarm.estimator.diagnosis.result import Quantity
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
 from softarm.estimator.intake.events import LEAST
 from softarm.estimator.recording import Recording
@@ -58,3 +59,9 @@ def test_a_sensor_that_stands_still_in_several_recordings_is_one_finding():
     assert finding.parameters["since"].value == 3.0
     assert "run_00: it stands still" in finding.statement
     assert "run_01: it stands still" in finding.statement
+    later = replace(
+        finding, statement="It stands still in run_02.", parameters={"since": Quantity(7.0, 0.1, "s")}
+    )
+    (both,) = with_intakes(replace(diagnosis(), findings=(later,)), intakes, ()).findings
+    assert both.parameters["since"].value == 3.0
+    assert both.statement.startswith("It stands still in run_02. run_00: it stands still")

@@ -72,19 +72,13 @@ def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
         change = 0.0 if fit is None else search.change(stage, fit)
         errors = stage.innovation(readings) - change - columns @ learnt
         name, clock, units = stage.session.name, stage.session.clock, tuple(stage.suite.units)
-        found.append(EventErrors(name, clock, errors, _ranges(stage, readings), units))
+        found.append(EventErrors(name, clock, errors, _ranges(stage), units))
     return tuple(found)
 
 
-def _ranges(stage: Stage, during: Floats) -> Floats:
-    """Return the range of each row, events included, shape (rows,); zero where none was read.
-
-    Args:
-        stage: The session.
-        during: What was read during events, NaN elsewhere, shape (samples, readings).
-    """
-    every = np.where(np.isfinite(during), during, stage.session.readings)
-    rows = replace(stage, session=replace(stage.session, readings=every)).reading_rows
+def _ranges(stage: Stage) -> Floats:
+    """Return the range of each row, events included, shape (rows,); zero where none was read."""
+    rows = replace(stage, session=stage.session.with_events).reading_rows
     observed = [row[np.isfinite(row)] for row in rows.T]
     return np.array([np.ptp(np.percentile(row, [2.0, 98.0])) if len(row) else 0.0 for row in observed])
 

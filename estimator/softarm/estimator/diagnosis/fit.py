@@ -139,6 +139,11 @@ class Fit:
             thetas=tuple(self.thetas[k] for k in kept),
         )
 
+    def single(self, number: int) -> "Fit":
+        """Return one effect with its covariance beside the others."""
+        covariance = self.scaled_covariance(number)
+        return replace(self.selected([number]), covariance=covariance)
+
     def stds(self, number: int) -> Floats:
         """Return the standard deviations of one effect's parameters, shape (parameters,)."""
         parameters, theta = self.hypotheses[number].effect.parameters, self.thetas[number]

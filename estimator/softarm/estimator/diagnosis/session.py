@@ -53,6 +53,14 @@ class Session:
         return np.asarray(self.heldout & ~np.asarray(self.confirms), dtype=np.bool_)
 
     @property
+    def with_events(self) -> "Session":
+        """The same session with what was read during events, which no fit may see."""
+        events = self.event_readings
+        if events is None:
+            return self
+        return replace(self, readings=np.where(np.isfinite(events), events, self.readings))
+
+    @property
     def samples(self) -> int:
         """Number of samples."""
         return len(self.clock)

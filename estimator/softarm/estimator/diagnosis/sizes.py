@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.candidates import ChosenEffects, is_distinguishable
+from softarm.estimator.diagnosis.candidates import ChosenEffects, is_distinguishable, restates
 from softarm.estimator.diagnosis.choose import EXACT_STEPS, SECOND, Search
 from softarm.estimator.diagnosis.fit import (
     Fit,
@@ -138,19 +138,47 @@ def without_fragments(
 ) -> tuple[ChosenEffects, Fit | None, list[EffectName]]:
     """Take weaker effects back, the weakest first, until each differs from zero by its honest deviation.
 
+    Where an effect then states no more than a plainer one, that one is left of it.
+
     Returns:
         What is left of the choice, its sizes, and the names of what was taken back.
     """
     dropped: list[EffectName] = []
     while choice.fit is not None:
         fit = sized(search, choice.fit)
-        lost = fragments(search, choice.fit, fit) if fit is not choice.fit else {}
-        if not lost:
+        if fit is choice.fit:
             return choice, fit, dropped
-        weakest = min(lost, key=lambda k: lost[k])
-        dropped.append(choice.fit.hypotheses[weakest].name)
-        choice = search.without(choice, [weakest])
+        if lost := fragments(search, choice.fit, fit):
+            weakest = min(lost, key=lambda k: lost[k])
+            dropped.append(choice.fit.hypotheses[weakest].name)
+            choice = search.without(choice, [weakest])
+            continue
+        plain = plainer(search, choice, fit)
+        if plain is None:
+            return choice, fit, dropped
+        choice = plain
     return choice, None, dropped
+
+
+def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects | None:
+    """Replace an effect that states no more than a plainer one by that one; ``None`` where none does.
+
+    The search tells a leak behind a narrow line from the line's lag by little of what either explains, with
+    the sureness of its noise model. Here the honest deviations decide whether any leak is left.
+    """
+    fit = choice.fit
+    assert fit is not None
+    for number, one in enumerate(choice.accepted):
+        stated = sizes.single(number)
+        for rival in one.field:
+            if restates(stated, rival.fit):
+                hypotheses, thetas = list(fit.hypotheses), list(fit.thetas)
+                hypotheses[number], thetas[number] = rival.fit.hypotheses[-1], rival.fit.thetas[-1]
+                accepted = list(choice.accepted)
+                accepted[number] = replace(one, candidate=rival)
+                again = search.refit(replace(fit, hypotheses=tuple(hypotheses), thetas=tuple(thetas)))
+                return replace(choice, accepted=tuple(accepted), fit=again)
+    return None
 
 
 def fragments(search: Search, fit: Fit, sizes: Fit) -> dict[int, float]:

@@ -133,8 +133,12 @@ def without_repeated(session: Session) -> Session:
 
 
 def find_stuck(stage: Stage) -> tuple[Stuck, ...]:
-    """Find sensors of a session that stand still while the model says that they should move."""
+    """Find sensors of a session that stand still while the model says that they should move.
+
+    What was read during events counts: one that stands still looks like an event to the intake.
+    """
     stuck = []
+    stage = replace(stage, session=stage.session.with_events)
     time = stage.session.clock - stage.session.clock[0]
     measured, residual = stage.reading_rows, stage.residual
     predicted = measured - residual

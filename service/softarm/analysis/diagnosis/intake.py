@@ -86,9 +86,30 @@ def with_intakes(
     alike: dict[object, list[RecordingFault]] = {}
     for number, one in enumerate(faults):
         alike.setdefault(one.columns if one.kind == "stuck" else number, []).append(one)
-    mismatches = [mismatch_finding(*group) for group in alike.values()]
-    findings = (*mismatches, *diagnosis.findings, *map(event_finding, events))
+    found = list(diagnosis.findings)
+    mismatches: list[Finding] = []
+    for mismatch in (mismatch_finding(*group) for group in alike.values()):
+        same = next((k for k, one in enumerate(found) if _one_stuck_sensor(mismatch, one)), None)
+        if same is None:
+            mismatches.append(mismatch)
+        else:
+            found[same] = _both_stuck(mismatch, found[same])
+    findings = (*mismatches, *found, *map(event_finding, events))
     return replace(diagnosis, findings=findings, notes=(*notes, *diagnosis.notes))
+
+
+def _one_stuck_sensor(mismatch: Finding, other: Finding) -> bool:
+    """Return whether the intake and the model say of one sensor that it stands still."""
+    return mismatch.effect == other.effect == "sensor_stuck" and mismatch.where == other.where
+
+
+def _both_stuck(mismatch: Finding, other: Finding) -> Finding:
+    """Say in one finding what the intake saw in some recordings and the model in others."""
+    since = min(mismatch.parameters["since"], other.parameters["since"], key=lambda one: one.value)
+    statement = f"{other.statement} {mismatch.statement}"
+    return replace(
+        other, statement=statement, parameters={**other.parameters, "since": since}, recording=None
+    )
 
 
 def _cause(
