@@ -60,6 +60,13 @@ def test_an_error_is_measured_by_what_the_intake_would_have_reported() -> None:
     larger = replace(model_errors, errors=1.2 * errors)
     assert larger.explained((10.0, 19.0)) is None
     assert replace(larger, ranges=np.array([1.0, 1.0])).explained((10.0, 19.0)) is not None
+    stuck = errors.copy()
+    stuck[10:14, 1], stuck[14:, 1] = 1.0, np.nan
+    assert replace(model_errors, errors=stuck).explained((10.0, 19.0)) == pytest.approx(
+        {"m": 0.9 * LEAST["m"]}
+    )
+    stuck[14, 1] = 1.0
+    assert replace(model_errors, errors=stuck).explained((10.0, 19.0)) is None
 
 
 def test_readings_during_an_event_stay_beside_those_that_fits_see() -> None:

@@ -18,6 +18,9 @@ from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.intake.events import LARGE, least_sizes
 from softarm.estimator.series import inside
 
+LEAST_SEEN = 0.5
+"""Share of an event's samples from which a row speaks of it."""
+
 
 @dataclass(frozen=True)
 class EventErrors:
@@ -40,13 +43,14 @@ class EventErrors:
     def explained(self, interval: tuple[float, float]) -> dict[str, float] | None:
         """Return the largest error of a model that predicts an event, in each unit; ``None`` if it does not.
 
-        It does if every error is below what the intake would have reported.
+        It does if every error is below what the intake would have reported. A row of which less than half was
+        read, as of a sensor that is stuck, says nothing.
 
         Args:
             interval: From when to when, by the session's clock [s].
         """
         errors = np.abs(self.errors[inside(self.clock, [interval])])
-        seen = np.isfinite(errors).any(axis=0)
+        seen = np.isfinite(errors).sum(axis=0) >= max(LEAST_SEEN * len(errors), 1)
         if not seen.any():
             return None
         sizes = np.nanpercentile(errors[:, seen], LARGE, axis=0)
