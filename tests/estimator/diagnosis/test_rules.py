@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis import diagnose
+from softarm.estimator.diagnosis import diagnose, sizes
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
     MOST_SURPRISE,
@@ -45,7 +45,7 @@ from softarm.estimator.diagnosis.normal_equations import (
 )
 from softarm.estimator.diagnosis.probability import CREDIBLE, probabilities
 from softarm.estimator.diagnosis.screen import null_scores, screen
-from softarm.estimator.diagnosis.sizes import fragments
+from softarm.estimator.diagnosis.sizes import DECIDES, fragments
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
 from softarm.estimator.diagnosis.weights import weights_of
 from softarm.estimator.effects import EFFECTS
@@ -284,19 +284,23 @@ def test_the_noise_is_learnt_by_channel_and_thinned_by_its_memory():
     assert weights.effective_sample_fraction == pytest.approx(1.0 / lengths, rel=0.4)
 
 
-def test_a_weak_second_effect_has_to_be_told_from_none():
-    strong, weak = fit_of("tip_payload", 1.0, deviation=1.0), fit_of("line_lag", 1.0, deviation=1.0)
-    both = strong.joined(weak)
-    for told in (0.9, 1.1):
-        deviations = [1.0 / (told * TOLD) / h.effect.parameters[0].scale for h in both.hypotheses]
-        sizes = replace(both, covariance=np.diag(np.square(deviations)))
-        for share in (0.9, 1.1):
-            gains = [100.0, share * SECOND * 100.0]
-            search = cast("Any", SimpleNamespace(contribution=lambda _, k, gains=gains: gains[k]))
-            assert fragments(search, both, sizes) == ({1: gains[1]} if told < 1.0 and share < 1.0 else {})
+@pytest.mark.parametrize(("beside", "lost"), [(0.9, True), (1.1, False)])
+def test_a_weaker_effect_has_to_explain_more_than_a_stronger_ones_law_may_leave(monkeypatch, beside, lost):
+    both = fit_of("tip_payload", 1.0).joined(fit_of("line_lag", 1.0))
+    gains, penalty = [100.0, 80.0], 5.0
+
+    def beside_errors(_problem, fit, number, stronger):
+        assert fit is both
+        assert (number, stronger) == (1, [0])
+        return beside * DECIDES + penalty
+
+    monkeypatch.setattr(sizes, "gain_beside_law_errors", beside_errors)
+    search = SimpleNamespace(contribution=lambda _, k: gains[k], problem=lambda: None, bic_penalty=penalty)
+    found = fragments(cast("Any", search), both)
+    assert found == ({1: pytest.approx(beside * DECIDES)} if lost else {})
 
 
-def test_what_an_effect_adds_is_asked_beside_those_found_after_it():
+def test_what_an_effect_adds_is_asked_beside_those_found_after_it(monkeypatch):
     """A denser arm gained most before the payload was found that explains the same."""
     mass, payload = fit_of("distributed_mass", 0.1), fit_of("tip_payload", 0.02)
     hysteresis = fit_of("hysteresis", 0.1, 0.3)
@@ -315,8 +319,9 @@ def test_what_an_effect_adds_is_asked_beside_those_found_after_it():
     search.worth = lambda fit: Search.worth(cast("Any", search), fit)
     assert [search.contribution(every, k) for k in range(3)] == [-5.0, 15.0, 590.0]
     assert search.contribution(refit(mass), 0) == 695.0
-    uncertain = replace(every, covariance=np.diag([4.0, 1e-4, 1e-4, 1e-4]))
-    assert fragments(cast("Any", search), every, uncertain) == {0: -5.0}
+    monkeypatch.setattr(sizes, "gain_beside_law_errors", lambda *_: 500.0)
+    search.problem = lambda: None
+    assert fragments(cast("Any", search), every) == {0: -5.0, 1: 15.0}
 
 
 class ArmOfOneEffect:

@@ -169,7 +169,7 @@ def test_a_shape_stays_and_is_no_less_certain_than_beforehand(search):
     assert found.scaled_stds(0)[1] == pytest.approx(softer.effect.parameters[1].spread, rel=0.01)
 
 
-def test_the_weakest_of_uncertain_effects_is_taken_back_first(monkeypatch):
+def test_the_weakest_of_doubtful_effects_is_taken_back_first(monkeypatch):
     names = ("tip_payload", "chamber_gain", "segment_stiffness")
     places = (Place(section="tip"), Place(chamber=0), Place(segment="lower"))
     hypotheses = tuple(Hypothesis(EFFECTS[n], p) for n, p in zip(names, places, strict=True))
@@ -184,8 +184,15 @@ def test_the_weakest_of_uncertain_effects_is_taken_back_first(monkeypatch):
         )
 
     monkeypatch.setattr(sizes, "sized", lambda _, own: replace(own, gain=1.0))
-    monkeypatch.setattr(sizes, "is_distinguishable", lambda own, k: own.hypotheses[k].name == "tip_payload")
-    gained = SimpleNamespace(without=less, contribution=lambda own, k: gains[own.hypotheses[k].name])
+    monkeypatch.setattr(sizes, "gain_beside_law_errors", lambda _, own, k, __: gains[own.hypotheses[k].name])
+    gained = SimpleNamespace(
+        without=less,
+        contribution=lambda own, k: gains[own.hypotheses[k].name],
+        problem=lambda: None,
+        bic_penalty=0.0,
+        evidence=SimpleNamespace(has_nominal=True),
+        natural_frequency=None,
+    )
     left, _, dropped = without_fragments(cast("Search", gained), cast("Any", choice))
     assert dropped == ["segment_stiffness", "chamber_gain"]
     assert [one.name for one in left.accepted] == ["tip_payload"]
@@ -212,7 +219,13 @@ def test_a_leak_that_is_not_distinguishable_from_none_is_a_late_line(monkeypatch
         return replace(own, covariance=np.diag([deviation / scales[0], 0.02 / scales[1], 1.0]) ** 2)
 
     monkeypatch.setattr(sizes, "sized", honest)
-    search = SimpleNamespace(refit=lambda fit: fit)
+    search = SimpleNamespace(
+        refit=lambda fit: fit,
+        contribution=lambda *_: 50.0,
+        problem=lambda: None,
+        evidence=SimpleNamespace(has_nominal=True),
+        natural_frequency=None,
+    )
     left, _, dropped = without_fragments(cast("Search", search), choice)
     assert left.fit is not None
     assert [h.name for h in left.fit.hypotheses] == [expected]

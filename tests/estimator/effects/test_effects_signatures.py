@@ -8,7 +8,7 @@ from scipy.special import erf
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.placed import signals_of
-from softarm.estimator.effects.rubber import losses, slipping
+from softarm.estimator.effects.rubber import losses, slipping, yielding
 from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.rotations import exp, to_quaternions
 from tests.estimator.effects.effects_bench import SUITE, WORLD, drive_of, placed, run, step_drive
@@ -315,6 +315,35 @@ def test_the_noise_of_a_vented_chamber_does_not_open_it(bias: float):
     opened = after[np.argsort(pressures[:, 2])]
     assert (np.diff(opened) >= 0.0).all() or bias < 0.0
     assert after.min() >= pressures.min()
+
+
+def test_a_ring_that_softens_bears_the_load_of_the_linear_ring():
+    """The stresses of all fibres, by e = s (1 + k s^n), sum up to the force and the moments of the load."""
+    growth, exponent = 0.6, 1.3
+    rng = np.random.default_rng(4)
+    loads = np.column_stack([rng.uniform(-0.8, 0.8, (200, 2)), np.zeros(200), rng.uniform(-0.01, 0.01, 200)])
+    radius = WORLD.radii[0]
+    strains = yielding(loads[:, None], WORLD.radii[:1], np.array([growth]), exponent)[:, 0]
+    angles = np.arange(12) * np.pi / 6.0
+    fibres = np.column_stack([np.ones(12), np.cos(angles), np.sin(angles)])
+    stretched = (strains[:, [3, 0, 1]] / [radius, 1.0, 1.0]) @ fibres.T
+    stress = stretched.copy()
+    for _ in range(50):  # Newton
+        size = np.abs(stress)
+        left = stress * (1.0 + growth * size**exponent) - stretched
+        stress -= left / (1.0 + growth * (1.0 + exponent) * size**exponent)
+    borne = stress @ fibres / 12.0 * [1.0, 2.0, 2.0]
+    assert np.allclose(borne, loads[:, [3, 0, 1]] / [radius, 1.0, 1.0], atol=0.02)
+    assert (np.abs(strains[:, :2]) >= np.abs(loads[:, :2]) - 0.05).all()
+
+
+def test_a_ring_that_softens_a_little_does_so_by_the_integrals_over_it():
+    """With the square of the strain (Yeoh): three quarters of k times the sums that ``losses`` gives."""
+    loads = np.array([[[0.4, -0.2, 0.0, 0.005]], [[0.0, 0.3, 0.0, -0.004]]])
+    growth = 1e-4
+    more = yielding(loads, WORLD.radii[:1], np.array([growth]), 2.0) - loads
+    one = replace(WORLD, stiffness=WORLD.stiffness[:1])
+    assert np.allclose(more, 0.75 * growth * loads * losses(loads, one), rtol=1e-3, atol=1e-12)
 
 
 def test_a_leak_loses_its_share_in_a_long_hold():

@@ -32,8 +32,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.candidates import ChosenEffects, is_distinguishable, restates
-from softarm.estimator.diagnosis.choose import EXACT_STEPS, SECOND, Search
+from softarm.estimator.diagnosis.candidates import ChosenEffects, restates
+from softarm.estimator.diagnosis.choose import EXACT_STEPS, Search
 from softarm.estimator.diagnosis.fit import (
     Fit,
     MarginalisedProblem,
@@ -45,6 +45,7 @@ from softarm.estimator.diagnosis.fit import (
 )
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.judge import MATERIAL
+from softarm.estimator.diagnosis.law_error import gain_beside_law_errors
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.effects import ParameterSpec
@@ -54,6 +55,8 @@ Singles = NDArray[np.float32]
 
 UNBIASED = 1e-3
 """Share of its prior precision that an estimate needs where no recording determines a parameter."""
+DECIDES = 50.0
+"""Gain in the criterion beside the errors of stronger laws from which a weaker effect is none of them."""
 SPANS = 5
 """Parts of a single recording that are left out in turn."""
 
@@ -73,6 +76,11 @@ class Part:
     cross: Floats
 
 
+def is_sized(search: Search) -> bool:
+    """Return whether the common coefficients are known apart from the effects."""
+    return search.evidence.has_nominal and search.natural_frequency is None
+
+
 def sized(search: Search, fit: Fit) -> Fit:
     """Estimate the sizes of chosen effects anew, with their uncertainty.
 
@@ -84,7 +92,7 @@ def sized(search: Search, fit: Fit) -> Fit:
         search: The search that chose them.
         fit: The effects, as it fitted them.
     """
-    if not search.evidence.has_nominal or search.natural_frequency is not None:
+    if not is_sized(search):
         return fit
     residuals, columns = plain_residuals(search)
     problem = MarginalisedProblem.of(
@@ -136,26 +144,26 @@ def reversed_sign(fit: Fit, other: Fit) -> bool:
 def without_fragments(
     search: Search, choice: ChosenEffects
 ) -> tuple[ChosenEffects, Fit | None, list[EffectName]]:
-    """Take weaker effects back, the weakest first, until each differs from zero by its honest deviation.
+    """Take back weaker effects that may be what the laws of stronger ones leave, and estimate all sizes.
 
-    Where an effect then states no more than a plainer one, that one is left of it.
+    Where an effect then states no more than a plainer one, that one is left of it. Without nominal recordings
+    all effects and their sizes stay as the search found them; see ``sized``.
 
     Returns:
         What is left of the choice, its sizes, and the names of what was taken back.
     """
     dropped: list[EffectName] = []
+    if not is_sized(search):
+        return choice, choice.fit, dropped
+    while choice.fit is not None and (lost := fragments(search, choice.fit)):
+        weakest = min(lost, key=lambda k: lost[k])
+        dropped.append(choice.fit.hypotheses[weakest].name)
+        choice = search.without(choice, [weakest])
     while choice.fit is not None:
-        fit = sized(search, choice.fit)
-        if fit is choice.fit:
-            return choice, fit, dropped
-        if lost := fragments(search, choice.fit, fit):
-            weakest = min(lost, key=lambda k: lost[k])
-            dropped.append(choice.fit.hypotheses[weakest].name)
-            choice = search.without(choice, [weakest])
-            continue
-        plain = plainer(search, choice, fit)
+        sizes = sized(search, choice.fit)
+        plain = plainer(search, choice, sizes)
         if plain is None:
-            return choice, fit, dropped
+            return choice, sizes, dropped
         choice = plain
     return choice, None, dropped
 
@@ -181,26 +189,29 @@ def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects 
     return None
 
 
-def fragments(search: Search, fit: Fit, sizes: Fit) -> dict[int, float]:
+def fragments(search: Search, fit: Fit) -> dict[int, float]:
     """Find effects that may be what the law of a stronger one leaves, or what another one says as well.
 
-    Beside all others they gain less than ``SECOND`` of what the strongest gains so, and their sizes are not
-    distinguishable from zero. What an effect gained before the others were known says nothing here: a payload
-    may first have been taken for a denser arm.
+    Beside the errors of the laws of those that explain more, and fitted again without it, they gain less than
+    ``DECIDES``. What an effect gained before the others were known says nothing here: a payload may first
+    have been taken for a denser arm.
 
     Args:
         search: The search that chose them.
         fit: The effects, as it fitted them.
-        sizes: Their sizes.
 
     Returns:
         What each of them gains, by its number.
     """
-    uncertain = [k for k in range(len(sizes.thetas)) if not is_distinguishable(sizes, k)]
-    if not uncertain or len(sizes.thetas) == 1:
-        return {}
-    gains = [search.contribution(fit, k) for k in range(len(fit.thetas))]
-    return {k: gains[k] for k in uncertain if gains[k] < SECOND * max(gains)}
+    gains = np.array([search.contribution(fit, k) for k in range(len(fit.thetas))])
+    problem, found = search.problem(), {}
+    for number in np.flatnonzero(gains < gains.max()).tolist():
+        stronger = np.flatnonzero(gains > gains[number]).tolist()
+        gain = gain_beside_law_errors(problem, fit, number, stronger)
+        least = min(float(gains[number]), gain - search.bic_penalty * len(fit.thetas[number]))
+        if least < DECIDES:
+            found[number] = least
+    return found
 
 
 _NOTHING = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)

@@ -206,6 +206,8 @@ FIBRES = np.array([(1.0, np.cos(p), np.sin(p)) for p in np.arange(24) * np.pi / 
 """Stretch of a thin ring's fibres by its elongation over the radius and by both bends, shape (24, 3)."""
 SHARES = np.einsum("fi,fj->fij", FIBRES, FIBRES).reshape(len(FIBRES), 9) / len(FIBRES)
 """What each fibre adds to the stiffness of a ring, shape (24, 3 x 3)."""
+YIELDING = FIBRES[::2].copy()
+"""Fibres of a ring that softens evenly: half as many do."""
 STRIP_WIDTH = 1.5
 """Width [rad] at which a defect is tried: a quarter of the circumference."""
 RING = np.diag([1.0, 0.5, 0.5])
@@ -253,15 +255,66 @@ LOCAL_STIFFNESS_DEFECT = Effect(
 
 
 def material_softening(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Add strain that grows with a power of strain: eps = u (1 + k q^(n/2)), q the loss of ``losses``.
+    """Strain the fibres of the wall by more than in proportion to their stress: e = s (1 + k |s|^n).
 
-    Every strain grows beyond the linear one u by a power of its size, as in the law of Ramberg and Osgood:
-    with n of 2 it is the leading term of Yeoh's law, with n of 1 a modulus that falls from the first strain
-    on.
+    It is the law of Ramberg and Osgood in every fibre of a thin ring, s the strain of a linear fibre, as a
+    bend: with n of 2 the leading term of Yeoh's law, with n of 1 a modulus that falls from the first strain
+    on. Sections stay plane, so fibres that are stretched further soften more, and a ring that is bent and
+    stretched bends and stretches by more than either would alone.
     """
     growth, exponent = theta
-    lost = losses(signals.strains, spot.world) ** (0.5 * exponent)
-    return signals.strains * (1.0 + growth * spot.segments[:, None] * lost), memory
+    softened = yielding(signals.strains, spot.world.radii, growth * spot.segments, exponent)
+    return softened, memory
+
+
+YIELD_STEPS = 3
+"""Steps to the stresses of a ring that softens: each is of the secant stiffness at the stresses before."""
+
+
+@njit(cache=True, nogil=True)
+def yielding(strains: Floats, radii: Floats, growths: Floats, exponent: float) -> Floats:
+    """Compute the strains of rings of fibres that soften; see ``material_softening``.
+
+    Args:
+        strains: Of linear rings under the same load, shape (samples, segments, 4).
+        radii: Of the rings [m], shape (segments,).
+        growths: k of each segment, shape (segments,).
+        exponent: n.
+
+    Returns:
+        Shape (samples, segments, 4). Torsion grows as the mean compliance of the fibres does.
+    """
+    out = strains.copy()
+    fibres = YIELDING.shape[0]
+    stress, secant, ring = np.empty(fibres), np.empty(fibres), np.empty((3, 3))
+    load, strained = np.empty(3), np.empty(3)
+    for k in range(strains.shape[1]):
+        if growths[k] == 0.0:
+            continue
+        for sample in range(len(strains)):
+            load[0] = strains[sample, k, 3] / radii[k]
+            load[1], load[2] = strains[sample, k, 0], strains[sample, k, 1]
+            for f in range(fibres):
+                stress[f] = YIELDING[f, 0] * load[0] + YIELDING[f, 1] * load[1] + YIELDING[f, 2] * load[2]
+            load[1] *= 0.5
+            load[2] *= 0.5
+            mean = 1.0
+            for _ in range(YIELD_STEPS):
+                ring[:] = 0.0
+                for f in range(fibres):
+                    secant[f] = 1.0 / (1.0 + growths[k] * np.abs(stress[f]) ** exponent)
+                    for i in range(3):
+                        for j in range(3):
+                            ring[i, j] += secant[f] * YIELDING[f, i] * YIELDING[f, j] / fibres
+                mean = ring[0, 0]
+                strained[:] = np.linalg.solve(ring, load)
+                for f in range(fibres):
+                    stretch = YIELDING[f, 0] * strained[0] + YIELDING[f, 1] * strained[1]
+                    stress[f] = secant[f] * (stretch + YIELDING[f, 2] * strained[2])
+            out[sample, k, 0], out[sample, k, 1] = strained[1], strained[2]
+            out[sample, k, 2] = strains[sample, k, 2] / mean
+            out[sample, k, 3] = radii[k] * strained[0]
+    return out
 
 
 MATERIAL_SOFTENING = Effect(
@@ -273,9 +326,9 @@ MATERIAL_SOFTENING = Effect(
     ),
     places=whole_and_segments,
     act=material_softening,
-    statement="The material of {where} softens with strain: at a bend of one radian it bends "
-    "{growth:percent} further than a linear material would. The effect grows with the bend to the power "
-    "{exponent}, and with stretch.",
+    statement="The material of {where} softens with strain: at a bend of one radian its outermost fibres "
+    "would strain {growth:percent} further than those of a linear material under the same stress. The effect "
+    "grows with the stress to the power {exponent}.",
     source="W. Ramberg and W. R. Osgood, NACA Technical Note 902 (1943); O. H. Yeoh, Rubber Chem. Technol. "
     "66 (1993) 754",
     needs=frozenset({"large_pressures"}),

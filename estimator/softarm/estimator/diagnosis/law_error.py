@@ -1,0 +1,61 @@
+"""What a weaker effect explains that the error of stronger ones' laws does not.
+
+No law is exact: of what an effect changes it gets a share wrong, which differs between recordings and
+channels. What one law leaves of a strong effect looks like a weaker second effect. So beside a stronger
+effect, which changes the prediction by f, each recording and channel may have any multiple d f of that, with
+d normal about 0 with standard deviation ``SHARE``: columns as those of the common coefficients, and
+marginalised with them.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from softarm.estimator.arrays import Floats
+from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem, whitened
+
+SHARE = 0.3
+"""What laws get wrong of the changes that they explain: the share of the mismatch on unseen data that rightly
+named effects leave, median over the single effects of blind trials (``bench diagnosis``)."""
+
+
+def gain_beside_law_errors(
+    problem: MarginalisedProblem, fit: Fit, number: int, stronger: Sequence[int]
+) -> float:
+    """Return by how much an effect of a fit lowers the cost where the laws of stronger ones err.
+
+    Args:
+        problem: What the effects were fitted to.
+        fit: All effects; the others stay as they are, but for the error of their laws.
+        number: The effect.
+        stronger: The effects whose laws err.
+    """
+    others = [k for k in range(len(fit.thetas)) if k != number]
+    whole, rest = _changes(problem, fit, range(len(fit.thetas))), _changes(problem, fit, others)
+    errors = [_changes(problem, fit, [k]) for k in stronger]
+    count = sum(recorded.left.shape[1] for recorded in problem.residuals) * len(stronger)
+    columns, first = [], 2
+    for recording, recorded in enumerate(problem.residuals):
+        own = np.zeros((recorded.left.size, 2 + count))
+        own[:, 0] = whole[recording][:, 0] - rest[recording][:, 0]
+        own[:, 1] = rest[recording][:, 0]
+        for error in errors:
+            # One column for each channel, in which all others are zero.
+            channels = recorded.left.shape[1]
+            diagonal = error[recording].reshape(-1, channels, 1) * np.eye(channels)
+            own[:, first : first + channels] = diagonal.reshape(-1, channels)
+            first += channels
+        columns.append(own)
+    matrix, vector = problem.projected(columns)
+    left = np.delete(vector - matrix[:, 1], 1)
+    matrix = np.delete(np.delete(matrix, 1, axis=0), 1, axis=1)
+    known = matrix[1:, 1:] + np.eye(count) / SHARE**2
+    absorbed = np.linalg.solve(known, np.column_stack([matrix[1:, 0], left[1:]]))
+    size, pull = matrix[0, 0] - matrix[0, 1:] @ absorbed[:, 0], left[0] - matrix[0, 1:] @ absorbed[:, 1]
+    return float(2.0 * pull - size)
+
+
+def _changes(problem: MarginalisedProblem, fit: Fit, chosen: Sequence[int]) -> list[Floats]:
+    """Return what some effects of a fit change, as ``whitened`` does."""
+    hypotheses, thetas = [fit.hypotheses[k] for k in chosen], [fit.thetas[k] for k in chosen]
+    return whitened(problem, hypotheses, thetas, exact=fit.exact)

@@ -1,0 +1,66 @@
+"""What the error of a strong effect's law may look like does not count for a weaker effect; the rest does."""
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem, RecordingResidual, gain_of
+from softarm.estimator.diagnosis.gaussian import Gaussian
+from softarm.estimator.diagnosis.law_error import SHARE, gain_beside_law_errors
+from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.normal_equations import Total
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.specimen.physics import Place
+from tests.estimator.simulation.straight_arm import world
+
+RECORDINGS, SAMPLES, ROWS = 4, 300, 3
+STRONG, WEAK = (
+    Hypothesis(EFFECTS["tip_payload"], Place(section="tip")),
+    Hypothesis(EFFECTS["segment_stiffness"], Place(segment="lower")),
+)
+
+
+def problem_of(*, of_its_own: bool) -> tuple[MarginalisedProblem, Fit]:
+    """Build residuals of a strong effect and of what a second one fits: a law error, or something else."""
+    rng = np.random.default_rng(5)
+    residuals = []
+    for _ in range(RECORDINGS):
+        strong = 10.0 * np.cumsum(rng.normal(size=(SAMPLES, ROWS)), axis=0) / np.sqrt(SAMPLES)
+        error = strong * rng.normal(0.0, SHARE, ROWS)
+        weak = 0.5 * rng.normal(size=(SAMPLES, ROWS)) if of_its_own else error
+        by = {"tip_payload": strong, "segment_stiffness": weak}
+        stage = SimpleNamespace(
+            world=world(()),
+            change=lambda placed, by=by, **_: sum(by[p.effect.name] * p.theta[0] for p in placed),
+        )
+        left = strong + weak + rng.normal(size=(SAMPLES, ROWS))
+        blank = np.zeros((left.size, 1), dtype=np.float32)
+        residuals.append(RecordingResidual(cast("Any", stage), left, np.ones_like(left), blank))
+    none = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)
+    problem = MarginalisedProblem.of(residuals, Gaussian(np.zeros(1), np.eye(1)), 1.0, none)
+    fit = Fit((STRONG, WEAK), (np.ones(1), np.ones(1)), np.eye(2), 0.0, at_bound=False)
+    return problem, fit
+
+
+@pytest.mark.parametrize("of_its_own", [True, False])
+def test_only_what_no_error_of_the_stronger_law_explains_counts(of_its_own: bool) -> None:
+    problem, fit = problem_of(of_its_own=of_its_own)
+    plain = gain_of(problem, fit.hypotheses, fit.thetas) - gain_of(
+        problem, fit.hypotheses[:1], fit.thetas[:1]
+    )
+    beside = gain_beside_law_errors(problem, fit, 1, [0])
+    assert plain > 500.0
+    if of_its_own:
+        assert beside == pytest.approx(plain, rel=0.05)
+    else:
+        assert abs(beside) < 2.0 * RECORDINGS * ROWS
+
+
+def test_where_no_law_errs_the_gain_is_that_of_the_fit() -> None:
+    problem, fit = problem_of(of_its_own=True)
+    plain = gain_of(problem, fit.hypotheses, fit.thetas) - gain_of(
+        problem, fit.hypotheses[:1], fit.thetas[:1]
+    )
+    assert gain_beside_law_errors(problem, fit, 1, []) == pytest.approx(plain)
