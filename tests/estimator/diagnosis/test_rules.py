@@ -507,6 +507,9 @@ def test_a_delay_is_another_vibration_where_that_explains_more():
         delay = candidate(fit_of("line_lag", 0.1), gain, 1)
         assert search.another_vibration(delay, [delay, vibration], [heavy]) is vibrates
         assert not search.another_vibration(delay, [delay, vibration], [])
+    for share, consequence in ((0.9 * SECOND, True), (1.1 * SECOND, False)):
+        swing = candidate(vibration.fit, share * 1000.0, 2)
+        assert search.another_vibration(swing, [swing], [heavy]) is consequence
 
 
 def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_weighs():

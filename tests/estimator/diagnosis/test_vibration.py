@@ -72,9 +72,9 @@ def calm(stage: Stage) -> Stage:
     return calibrate_sessions(model(), [stage.session]).stage(model(), low)
 
 
-def vibrating(stage: Stage, masses: Masses) -> tuple[Stage, np.ndarray]:
+def vibrating(stage: Stage, masses: Masses, damping: float = 0.002) -> tuple[Stage, np.ndarray]:
     """Let a stage vibrate; return it, and what that changes of its predictions."""
-    found = with_vibration(stage, Vibration(1.0, (2.0, 0.002), 0.03, 0.1, 2.0), masses)
+    found = with_vibration(stage, Vibration(1.0, (2.0, damping), 0.03, 0.1, 2.0), masses)
     couples = found.drive.couples.reshape(stage.session.samples, -1)
     return found, np.einsum("trk,tk->tr", stage.couple_jacobian, couples)
 
@@ -90,6 +90,15 @@ def test_an_arm_that_carries_a_mass_vibrates_as_one_that_is_heavier(calm: Stage)
     difference = plain.change([carried]) - (heavy - light)
     assert np.linalg.norm(difference) < 0.1 * np.linalg.norm(heavy - light)  # it has no rotary inertia
     assert np.abs(heavy - light).max() > 0.1 * np.abs(light).max()
+
+
+def test_damping_of_the_whole_arm_is_that_in_proportion_to_its_stiffness(calm: Stage) -> None:
+    more = 0.1
+    plain, light = vibrating(calm, MASSES)
+    _, damped = vibrating(calm, MASSES, damping=0.002 + more)
+    effect = PlacedEffect(EFFECTS["inertia_damping"], Spot(calm.world, Place()), np.array([0.0, more]))
+    assert plain.change([effect]) == pytest.approx(damped - light, abs=1e-3 * np.abs(light).max())
+    assert np.abs(damped - light).max() > 0.1 * np.abs(light).max()
 
 
 def test_an_arm_vibrates_about_what_an_effect_changes(calm: Stage) -> None:

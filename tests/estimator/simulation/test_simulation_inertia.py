@@ -50,6 +50,29 @@ def test_a_step_rings_down_as_a_damped_oscillator():
     assert np.abs(found - exact)[TIME > 0.52].max() < 0.02
 
 
+def test_a_strain_with_more_inertia_and_damping_rings_down_slower():
+    """With M = 1 and K = w^2: M' = 1 + a^2 w^2, decay d w^2 / 2 M'."""
+    frequency, inertia_time, damping_time = 2.0, 0.06, 0.02
+    square = (2 * np.pi * frequency) ** 2
+    mass = 1.0 + inertia_time**2 * square
+    slower = oscillator(frequency, len(TIME)).slower(np.ones(1, dtype=bool), inertia_time, damping_time)
+    found = slower.strains(TIME, np.where(TIME < 0.5, 0.0, 1.0)[:, None], (0.0, 0.0))[:, 0]
+    after, decay = TIME - 0.495, 0.5 * damping_time * square / mass
+    omega = np.sqrt(square / mass - decay**2)
+    exact = 1 - np.exp(-decay * after) * (np.cos(omega * after) + decay / omega * np.sin(omega * after))
+    assert np.abs(found - exact)[TIME > 0.52].max() < 0.02
+
+
+def test_only_the_chosen_strains_are_slower():
+    usual = dynamics(TIP)
+    slower = usual.slower(np.repeat([False, True], 4), 0.1, 0.2)
+    assert slower.drag is not None
+    assert np.array_equal(slower.drag[:, :4], np.zeros_like(slower.drag[:, :4]))
+    assert np.allclose(slower.drag[:, 4:, 4:], 0.2 * usual.stiffness[:, 4:, 4:])
+    assert np.allclose((slower.mass - usual.mass)[:, 4:, 4:], 0.01 * usual.stiffness[:, 4:, 4:])
+    assert np.array_equal(slower.mass[:, :4, :4], usual.mass[:, :4, :4])
+
+
 def test_without_damping_the_vibration_goes_on():
     found = oscillator(2.0, len(TIME)).strains(TIME, np.where(TIME < 0.5, 0.0, 1.0)[:, None], (0.0, 0.0))
     assert np.ptp(found[TIME > 3.0]) == pytest.approx(2.0, rel=0.02)

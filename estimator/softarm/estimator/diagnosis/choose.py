@@ -300,13 +300,14 @@ class Search:
     ) -> bool:
         """Return whether a candidate is a consequence of accepted effects on stiffness or mass.
 
-        A delay is one if it gains little beside them, or less than some change of the vibration does.
+        A change of the vibration is one unless it gains half as much as they do; a delay if it gains little
+        beside them, or less than some change of the vibration does.
         """
         weighty = [one.candidate.delta_bic for one in accepted if self.changes_vibration(one.candidate)]
         if not weighty or not self.only_moves(candidate):
             return False
         if self.changes_vibration(candidate):
-            return True
+            return candidate.delta_bic < SECOND * max(weighty)
         vibrations = [one.delta_bic for one in field if self.only_moves(one) and self.changes_vibration(one)]
         return candidate.delta_bic < max([DELAY_SHARE * max(weighty), *vibrations])
 

@@ -11,7 +11,7 @@ from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Prediction
 from softarm.estimator.diagnosis.exact_model import ExactModel
 from softarm.estimator.diagnosis.session import Session
-from softarm.estimator.effects import World
+from softarm.estimator.effects import Spot, World
 from softarm.estimator.effects.effect import ModalChange, Signals
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.effects.simulate import recorded_turn, simulate_with
@@ -74,20 +74,21 @@ class Vibrations:
     still: Floats
     resting: LinearisedArm
 
-    def strains(self, change: Floats, modal: ModalChange, section: int) -> Floats:
+    def strains(self, change: Floats, modal: ModalChange, spot: Spot | None = None) -> Floats:
         """Return what an effect changes of the strains while the arm vibrates, shape (samples, strains, ...).
 
         Args:
             change: What it changes of the quasi-static strains, shape (samples, strains, ...).
-            modal: What it does to the masses.
-            section: Section that an added mass is fixed to.
+            modal: What it does to masses and damping.
+            spot: Where it does so; needed if it does.
         """
-        if modal.added_mass == 0.0 and modal.mass_ratio == 1.0:
+        if modal.vibrates_alike or spot is None:
             return change + self.arm.lag(change)
         added = np.zeros(self.arm.dynamics.places.shape[1])
-        added[section] = modal.added_mass
-        heavier = self.arm.heavier(modal.mass_ratio, added)
-        return change + heavier.lag(self.still + change) - self._usual_lag
+        added[spot.section] = modal.added_mass
+        other = self.arm.heavier(modal.mass_ratio, added)
+        other = other.slower(np.repeat(spot.segments, 4), modal.inertia_time, modal.damping_time)
+        return change + other.lag(self.still + change) - self._usual_lag
 
     @cached_property
     def strains_by_drive(self) -> dict[str, Floats]:
@@ -339,7 +340,9 @@ class Stage:
             usual = replace(drive, base_rotation=self._usual(rotated, (placed,)))
             return _applied(self.twist_jacobian, self.arm.twists(rotated) - self.arm.rigid(usual))
         modal = placed.effect.modal(placed.theta) if vibrating else None
-        return self._moved(placed.field, change.reshape(drive.samples, -1), modal, placed.spot.section)
+        if placed.effect.only_vibrates and vibrating and self.vibrations is not None:
+            change = np.zeros_like(change)
+        return self._moved(placed.field, change.reshape(drive.samples, -1), modal, placed.spot)
 
     def first_order_of_many(self, effects: Sequence[PlacedEffect]) -> Floats:
         """Return that of each of some effects, alone; ``superposes`` holds of them, and they change one part.
@@ -348,16 +351,18 @@ class Stage:
             Shape (samples, rows, effects).
         """
         changes = [placed.change(self.signals)[0].reshape(self.drive.samples, -1) for placed in effects]
-        return self._moved(effects[0].field, np.stack(changes, axis=-1), ModalChange(), 0)
+        return self._moved(effects[0].field, np.stack(changes, axis=-1), ModalChange())
 
-    def _moved(self, field: str, change: Floats, modal: ModalChange | None, section: int) -> Floats:
+    def _moved(
+        self, field: str, change: Floats, modal: ModalChange | None, spot: Spot | None = None
+    ) -> Floats:
         """Return what changes of a part of the drive change, shape (samples, rows, ...).
 
         Args:
             field: The part.
             change: Shape (samples, inputs, ...).
-            modal: What it does to the masses; ``None`` where the arm does not vibrate about it.
-            section: Section that an added mass is fixed to.
+            modal: What it does to masses and damping; ``None`` where the arm does not vibrate about it.
+            spot: Where it does so; needed if it does.
         """
         moved = _applied(self.by_drive[field], change)
         if self.vibrations is None or modal is None:
@@ -367,7 +372,7 @@ class Stage:
             np.nan_to_num(_applied(by_drive[field], change))
             for by_drive in (self.vibrations.strains_by_drive, self.strains_by_drive)
         )
-        strained = self.vibrations.strains(at_rest, modal, section) - there
+        strained = self.vibrations.strains(at_rest, modal, spot) - there
         vibrating = moved + _applied(self._strain_jacobian, strained)
         *_, stable = self._strain_stiffness
         return np.where(stable.reshape(-1, *(1,) * (change.ndim - 1)), vibrating, 0.0)
@@ -463,7 +468,7 @@ def superposes(placed: PlacedEffect) -> bool:
     """Return whether what an effect changes is only a change of the drive, to first order."""
     modal = placed.effect.modal(placed.theta)
     by_drive = placed.field not in ("", "base_rotation") and not placed.effect.responds_to_own_effect
-    return by_drive and modal.added_mass == 0.0 and modal.mass_ratio == 1.0
+    return by_drive and modal.vibrates_alike
 
 
 def build_stage(model: Model, session: Session, setting: Setting) -> Stage:

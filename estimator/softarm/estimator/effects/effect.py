@@ -139,11 +139,21 @@ class ModalChange:
         added_mass: Mass added at the tip [kg].
         mass_ratio: Factor on the modal mass.
         stiffness_ratio: Factor on the modal stiffness.
+        inertia_time: a [s]: the segments at its place have a^2 of their stiffness as more inertia.
+        damping_time: d [s]: they have d of their stiffness as more damping.
     """
 
     added_mass: float = 0.0
     mass_ratio: float = 1.0
     stiffness_ratio: float = 1.0
+    inertia_time: float = 0.0
+    damping_time: float = 0.0
+
+    @property
+    def vibrates_alike(self) -> bool:
+        """Whether an arm of the same stiffness vibrates as before."""
+        masses = self.added_mass == 0.0 and self.mass_ratio == 1.0
+        return masses and self.inertia_time == 0.0 and self.damping_time == 0.0
 
 
 def no_modal_change(theta: Floats) -> ModalChange:  # noqa: ARG001
@@ -195,6 +205,7 @@ class Effect:
         responds_to_own_effect: Whether how far it pushes depends on how far it has moved the arm.
         changes_inertia: Whether it changes mass or support, and with them how the arm vibrates.
         modal: Gives what it does to the slowest mode of the arm, of its parameters.
+        only_vibrates: Whether that is all it does where the model vibrates.
         along_arm: Gives whether it only stretches the arm, of its parameters.
         hidden_rotation: Gives the rotation of the base that a recorded base does not show [rad], shape (3,),
             of its parameters.
@@ -220,6 +231,7 @@ class Effect:
     responds_to_own_effect: bool = False
     changes_inertia: bool = False
     modal: Callable[[Floats], ModalChange] = no_modal_change
+    only_vibrates: bool = False
     along_arm: Callable[[Floats], bool] = never_along_arm
     hidden_rotation: Callable[[Floats], Floats] = no_rotation
     hides_reading: bool = False

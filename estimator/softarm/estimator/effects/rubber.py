@@ -143,11 +143,18 @@ def inertia_damping(signals: Signals, theta: Floats, spot: Spot, memory: Memory)
     """Let strain follow the load like an oscillator: a^2 x'' + d x' + x = u.
 
     a is the inverse of the undamped angular frequency and d the damping time; a = 0 leaves Kelvin-Voigt
-    damping. One mode for all of the place: vibrations of a few hertz are of the arm's first bending mode.
+    damping. One mode for all of the place: vibrations of a few hertz are of the arm's first bending mode. A
+    model that vibrates itself has more inertia and damping instead, see ``ModalChange``.
     """
     inertia, damping = theta
     moving, memory = second_order(signals.time, signals.strains, inertia, damping, memory)
     return np.where(spot.segments[:, None], moving, signals.strains), memory
+
+
+def inertia_damping_modal(theta: Floats) -> ModalChange:
+    """Add inertia and damping in proportion to the stiffness of the place."""
+    inertia, damping = theta.tolist()
+    return ModalChange(inertia_time=inertia, damping_time=damping)
 
 
 INERTIA_DAMPING = Effect(
@@ -155,7 +162,7 @@ INERTIA_DAMPING = Effect(
     hook="constitutive",
     parameters=(
         ParameterSpec("inertia_time", "s", 0.02, 0.0, 0.2, spread=0.03),
-        ParameterSpec("damping_time", "s", 0.01, 0.0, 2.0, spread=0.1),
+        ParameterSpec("damping_time", "s", 0.1, 0.0, 2.0, spread=0.1),
     ),
     places=whole_and_segments,
     act=inertia_damping,
@@ -169,6 +176,8 @@ INERTIA_DAMPING = Effect(
         ("sensor_latency", "two kinds of sensor on one motion"),
     ),
     when="rate",
+    modal=inertia_damping_modal,
+    only_vibrates=True,
 )
 
 

@@ -37,6 +37,8 @@ RECENT = 1.0
 """How long ago the pressures' changes still make the arm vibrate [s]."""
 HYPER = 320
 """Samples on which the variances are fitted."""
+SETTLED = 1e-6
+"""Relative change of the log likelihood, of a few hundred, that ends a fit: a thousandth decides nothing."""
 PARTS = ("linear", "quadratic", "smooth", "memory", "clock", "discrepancy", "swing", "noise")
 START = np.log([0.5, 0.05, 0.02, 0.02, 0.002, 0.003, 0.01, 0.001])
 LOWEST, HIGHEST = np.log(1e-7), np.log(30.0)
@@ -170,7 +172,8 @@ def fit_variances(inputs: Predictors, values: Floats, weights: Floats, start: Fl
         return value / columns, -0.5 * scales * np.tensordot(parts, inner, 2) / columns
 
     bounds = [(LOWEST, HIGHEST)] * len(PARTS)
-    solution = minimize(negative, start, jac=True, bounds=bounds, method="L-BFGS-B", options={"maxiter": 30})
+    options = {"maxiter": 30, "ftol": SETTLED}
+    solution = minimize(negative, start, jac=True, bounds=bounds, method="L-BFGS-B", options=options)
     return np.asarray(solution.x, dtype=np.float64)
 
 

@@ -67,6 +67,7 @@ class StrainDynamics:
         rubber: What the segments have of M, of the same shape.
         places: Derivative of the sections' origins by the strains, shape (samples, sections, 3, strains).
         stable: Samples at a stable equilibrium, shape (samples,); the others have typical matrices.
+        drag: Damping beside that in proportion to M and K, of the same shape; ``None`` for none.
     """
 
     stiffness: Floats
@@ -74,6 +75,7 @@ class StrainDynamics:
     rubber: Floats
     places: Floats
     stable: Flags
+    drag: Floats | None = None
 
     @classmethod
     def of(cls, response: ArmResponse, segments: Segments, masses: Masses) -> "StrainDynamics":
@@ -104,6 +106,18 @@ class StrainDynamics:
         rows = rows.reshape(len(self.mass), -1, self.mass.shape[-1])
         return replace(self, mass=self.mass + (ratio - 1.0) * self.rubber + np.swapaxes(rows, 1, 2) @ rows)
 
+    def slower(self, strains: Flags, inertia_time: float, damping_time: float) -> "StrainDynamics":
+        """Return the matrices of an arm with more inertia and damping of some strains.
+
+        Args:
+            strains: Which ones, shape (strains,).
+            inertia_time: a [s]: a^2 of their stiffness is added to the masses.
+            damping_time: d [s]: d of it is added to the damping.
+        """
+        part = self.stiffness * np.outer(strains, strains)
+        drag = damping_time * part + (0.0 if self.drag is None else self.drag)
+        return replace(self, mass=self.mass + inertia_time**2 * part, drag=drag)
+
     def strains(self, clock: Floats, still: Floats, damping: tuple[float, float]) -> Floats:
         """Let the arm vibrate about quasi-static strains.
 
@@ -124,6 +138,7 @@ class StrainDynamics:
         steps = np.where(lengths > PAUSE, 0, np.maximum(np.ceil(lengths / FINE - 1e-6), 1.0)).astype(np.int64)
         h = (lengths / np.maximum(steps, 1))[:, None, None]
         resisting = damping[0] * self.mass + damping[1] * self.stiffness
+        resisting = resisting if self.drag is None else resisting + self.drag
         implicit = self.mass + 0.5 * h * resisting + 0.25 * h**2 * self.stiffness
         pushed = np.linalg.solve(implicit, np.concatenate([self.stiffness, resisting], axis=-1))
         spring, drag = (np.ascontiguousarray(half) for half in np.split(pushed, 2, axis=-1))
@@ -179,6 +194,10 @@ class VibratingArm:
     def heavier(self, ratio: float, added: Floats) -> "VibratingArm":
         """Return it with other masses; see ``StrainDynamics.heavier``."""
         return replace(self, dynamics=self.dynamics.heavier(ratio, added))
+
+    def slower(self, strains: Flags, inertia_time: float, damping_time: float) -> "VibratingArm":
+        """Return it with more inertia and damping of some strains; see ``StrainDynamics.slower``."""
+        return replace(self, dynamics=self.dynamics.slower(strains, inertia_time, damping_time))
 
 
 def strain_stiffness(response: ArmResponse, segments: Segments) -> tuple[Floats, Floats, Flags]:
