@@ -82,6 +82,7 @@ def judgement(**changes: Any) -> Judgement:
     [
         ({}, True),
         ({"gain_ci95": (-0.1, 0.7)}, False),
+        ({"gain_ci95": (0.0, 0.7)}, True),
         ({"gain_ci95": (-0.1, 0.7), "delta_bic": 1.01 * CERTAIN}, True),
         ({"gain_ci95": (-0.1, 0.7), "delta_bic": 1.01 * CERTAIN, "after": 3.1}, False),
         ({"share": 0.05}, True),
@@ -142,6 +143,31 @@ def test_the_bootstrap_of_a_gain_covers_it():
     low, high = bootstrap(rng, before, after)
     assert low < 1.0 - np.sqrt(after.sum() / before.sum()) < high
     assert high - low < 0.2
+
+
+def test_a_cord_that_a_fit_makes_as_stiff_as_a_wall_is_no_cord():
+    """An obstacle may be rigid and a cord without stiffness; the upper bound of a cord is another law."""
+    upper = EFFECTS["tether_stiffness"].parameters[0].upper
+    rigid = EFFECTS["contact_obstacle"].parameters[0].upper
+    cord, wall = (
+        fit_of("tether_stiffness", upper, 0.02, 0.0, 0.5),
+        fit_of("contact_obstacle", rigid, 0.02, 0.0),
+    )
+    both = replace(cord.joined(wall), covariance=1e-6 * np.eye(7))
+    assert [both.is_bounded(k) for k in range(2)] == [True, False]
+    assert not fit_of("tether_stiffness", 0.9 * upper, 0.02, 0.0, 0.5).is_bounded(0)
+    assert not fit_of("tether_stiffness", 0.0, 0.02, 0.0, 0.5).is_bounded(0)
+    accepted = [
+        Accepted(candidate(one, 100.0, number), judgement(), ()) for number, one in enumerate((cord, wall))
+    ]
+    search = SimpleNamespace(
+        contribution=lambda *_: 100.0, subset=lambda fit, kept: fit.selected(kept), refit=lambda fit: fit
+    )
+    kept, left, dropped = Search.pruned(cast("Any", search), accepted, both)
+    assert kept == accepted[1:]
+    assert left is not None
+    assert [h.name for h in left.hypotheses] == ["contact_obstacle"]
+    assert dropped == {0}
 
 
 def test_an_unexpected_size_costs_up_to_a_bound():

@@ -472,11 +472,15 @@ class Search:
         return chosen, fit
 
     def pruned(self, accepted: list[Accepted], fit: Fit) -> tuple[list[Accepted], Fit | None, frozenset[int]]:
-        """Drop effects whose sizes are no longer distinguishable from zero once all are fitted together."""
+        """Drop effects that are none once all are fitted together.
+
+        Their sizes are no longer distinguishable from zero, or at a bound, where another law begins: a cord
+        as stiff as a wall is one.
+        """
         needed = [
             k
             for k in range(len(accepted))
-            if is_distinguishable(fit, k) or self.contribution(fit, k) > LEAST_BIC
+            if not fit.is_bounded(k) and (is_distinguishable(fit, k) or self.contribution(fit, k) > LEAST_BIC)
         ]
         if len(needed) == len(accepted):
             return accepted, fit, frozenset()

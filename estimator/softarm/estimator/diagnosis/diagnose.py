@@ -202,6 +202,7 @@ def assemble(
         np.concatenate([s.pressures for s in split]),
         effects,
         drawn=only_drawn(model.specimen, split),
+        measured=not any(session.commanded for session in split),
     )
     advance("trying effects")
     changes = list(executor.map(_columns, [(stage, library) for stage in stages]))

@@ -144,6 +144,11 @@ class Fit:
         covariance = self.scaled_covariance(number)
         return replace(self.selected([number]), covariance=covariance)
 
+    def is_bounded(self, number: int) -> bool:
+        """Return whether an amplitude of one effect is at a bound that is not its neutral value."""
+        own = Parametrisation.of((self.hypotheses[number],))
+        return own.at_bound(own.units(self.thetas[number]))
+
     def stds(self, number: int) -> Floats:
         """Return the standard deviations of one effect's parameters, shape (parameters,)."""
         parameters, theta = self.hypotheses[number].effect.parameters, self.thetas[number]

@@ -47,10 +47,13 @@ class Judgement:
 
     @property
     def accepted(self) -> bool:
-        """Whether all of it holds."""
+        """Whether all of it holds.
+
+        A wall that is reached in one fold leaves resamplings of the others as they were: a gain of 0.
+        """
         certain = self.delta_bic >= self.certain and self.after < self.before
         return (
-            (self.gain_ci95[0] > 0.0 or certain)
+            (self.gain_ci95[0] >= 0.0 or certain)
             and (self.share >= MATERIAL or self.change >= REPEATABLE)
             and self.search_p <= FALSE_ALARM
         )

@@ -85,7 +85,12 @@ class Library:
 
 
 def build_library(
-    world: World, pressures: Floats, names: Sequence[EffectName] | None = None, *, drawn: bool = False
+    world: World,
+    pressures: Floats,
+    names: Sequence[EffectName] | None = None,
+    *,
+    drawn: bool = False,
+    measured: bool = False,
 ) -> Library:
     """List the hypotheses for an arm.
 
@@ -95,11 +100,14 @@ def build_library(
             left out.
         names: Effects to try; all when left out.
         drawn: Whether nothing but a drawing is the reference: what its calibration has to find is left out.
+        measured: Whether no pressure is a set-point: what a valve makes of these is then known.
     """
     highest = np.nanmax(pressures, axis=0, initial=0.0)
     hypotheses: list[Hypothesis] = []
     directions: list[Direction] = []
     for name, effect in EFFECTS.items():
+        if measured and effect.hook == "command":
+            continue
         if not effect.by_fit or (names is not None and name not in names):
             continue
         for place in effect.places(world):

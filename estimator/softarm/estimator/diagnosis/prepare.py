@@ -89,6 +89,7 @@ def prepare(
         sigma=np.zeros(run.suite.size),
         blocks=blocks_of(run.time),
         heldout=np.zeros(samples, dtype=bool),
+        commanded="commanded" in run.pressure_source,
         event_readings=np.where(during, run.readings, np.nan) if during.any() else None,
     )
     return Prepared(session, tuple(notes))

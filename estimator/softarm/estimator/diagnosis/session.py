@@ -28,6 +28,7 @@ class Session:
         natural_frequency: At which the arm vibrated when it was released [Hz].
         event_readings: Readings during events, NaN elsewhere, which no fit may see, shape (samples,
             readings); ``None`` where nothing happened.
+        commanded: Whether some of the pressures are set-points.
         confirms: Of those held out, the samples on which a choice is confirmed, shape (samples,); the others
             decide nothing.
     """
@@ -45,6 +46,7 @@ class Session:
     heldout: Flags
     natural_frequency: float | None = None
     event_readings: Floats | None = None
+    commanded: bool = True
     confirms: Flags | bool = False
 
     @property
