@@ -27,7 +27,10 @@ from softarm.estimator.specimen import load_specimen
 
 PACKAGE = "softarm.estimator.diagnosis"
 OF_THE_NOISE = ("evidence", "nominal")
-OF_THE_CHOICE = ("choose", "candidates", "judge", "probability", "screen", "unnamed", "conclude", "diagnose")
+OF_THE_CHOICE = (
+    "choose", "candidates", "judge", "probability", "screen", "law_error", "sizes", "unnamed", "conclude",
+    "diagnose",
+)  # fmt: skip
 """Modules whose constants decide: before anything is fitted, and after."""
 OF_THE_FITS = frozenset({"MOST_SURPRISE", "ALIKE", "EXACT_STEPS"})
 """Constants of the choice that change fits, so that none may be kept from other values."""

@@ -56,7 +56,11 @@ Singles = NDArray[np.float32]
 UNBIASED = 1e-3
 """Share of its prior precision that an estimate needs where no recording determines a parameter."""
 DECIDES = 50.0
-"""Gain in the criterion beside the errors of stronger laws from which a weaker effect is none of them."""
+"""Gain in the criterion beside the errors of stronger laws from which a weaker effect is none of them.
+
+Of 14 weaker effects that acted in trials of two simulators 13 gained 58 and more; of 7 that did not 5 gained
+43 and less, and two, creep beside a law of softening that errs less now, 66 and more.
+"""
 SPANS = 5
 """Parts of a single recording that are left out in turn."""
 
@@ -76,7 +80,7 @@ class Part:
     cross: Floats
 
 
-def is_sized(search: Search) -> bool:
+def knows_common(search: Search) -> bool:
     """Return whether the common coefficients are known apart from the effects."""
     return search.evidence.has_nominal and search.natural_frequency is None
 
@@ -92,7 +96,7 @@ def sized(search: Search, fit: Fit) -> Fit:
         search: The search that chose them.
         fit: The effects, as it fitted them.
     """
-    if not is_sized(search):
+    if not knows_common(search):
         return fit
     residuals, columns = plain_residuals(search)
     problem = MarginalisedProblem.of(
@@ -153,7 +157,7 @@ def without_fragments(
         What is left of the choice, its sizes, and the names of what was taken back.
     """
     dropped: list[EffectName] = []
-    if not is_sized(search):
+    if not knows_common(search):
         return choice, choice.fit, dropped
     while choice.fit is not None and (lost := fragments(search, choice.fit)):
         weakest = min(lost, key=lambda k: lost[k])
