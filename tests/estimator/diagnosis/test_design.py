@@ -61,13 +61,13 @@ def test_an_effect_that_is_there_or_not_has_a_direction_for_each_way_of_being_th
 def test_what_a_valve_makes_of_set_points_is_no_hypothesis_where_pressures_were_measured(
     stage: Stage,
 ) -> None:
-    names = ("pressure_saturation", "valve_deadband", "pressure_bias")
+    names = ("pressure_saturation", "valve_deadband", "pressure_bias", "line_lag")
     asked, known = (
         {h.name for h in build_library(world(), stage.session.pressures, names, measured=measured).hypotheses}
         for measured in (False, True)
     )
     assert asked == set(names)
-    assert known == {"pressure_bias"}
+    assert known == {"pressure_bias", "line_lag"}  # between the valve's sensor and the arm
 
 
 def test_an_effect_of_a_sensor_that_a_session_lacks_changes_nothing_there(stage: Stage) -> None:

@@ -13,7 +13,7 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.gaussian import Gaussian
-from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.library import Hypothesis, Library
 from softarm.estimator.diagnosis.sizes import Part, reversed_sign, robust_covariance, sized, without_fragments
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.effects import EFFECTS
@@ -208,8 +208,8 @@ def test_a_leak_that_is_not_distinguishable_from_none_is_a_late_line(monkeypatch
         return Fit((Hypothesis(EFFECTS[name], place),), (np.array(theta),), covariance, 50.0, at_bound=False)
 
     leak, lag = fit_of("line_leak", [0.01, 0.2, 2.0]), fit_of("line_lag", [0.25])
-    field = (Candidate(0, leak, 90.0), Candidate(1, lag, 80.0))
-    accepted = Accepted(field[0], cast("Any", None), field)
+    late, leaking = Candidate(1, lag, 80.0), Candidate(0, leak, 90.0)
+    accepted = Accepted(leaking, cast("Any", None), (leaking,))
     choice = ChosenEffects((accepted,), leak, 0.0, None)
 
     def honest(_search, own):
@@ -222,12 +222,16 @@ def test_a_leak_that_is_not_distinguishable_from_none_is_a_late_line(monkeypatch
     search = SimpleNamespace(
         refit=lambda fit: fit,
         contribution=lambda *_: 50.0,
-        problem=lambda: None,
-        evidence=SimpleNamespace(has_nominal=True),
+        problem=lambda *_: None,
+        subset=lambda *_: None,
+        candidate=lambda number, theta, *_: late if (number, theta.tolist()) == (1, [0.2]) else None,
+        evidence=SimpleNamespace(
+            has_nominal=True, library=Library((leak.hypotheses[0], lag.hypotheses[0]), ())
+        ),
         natural_frequency=None,
     )
     left, _, dropped = without_fragments(cast("Search", search), choice)
     assert left.fit is not None
     assert [h.name for h in left.fit.hypotheses] == [expected]
-    assert left.accepted[0].candidate is (field[1] if expected == "line_lag" else field[0])
+    assert left.accepted[0].candidate is (late if expected == "line_lag" else leaking)
     assert not dropped

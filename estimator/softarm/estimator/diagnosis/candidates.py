@@ -9,6 +9,7 @@ from scipy.special import gammainccinv, ndtr
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.judge import Judgement
 from softarm.estimator.effects.effect import ParameterSpec
+from softarm.estimator.specimen.physics import EffectName
 
 ALIKE = 4.0
 ALIKE_SHARE = 0.01
@@ -136,9 +137,19 @@ def restates(richer: Fit, plain: Fit) -> bool:
     )
 
 
-def _parts(fit: Fit) -> Iterator[tuple[ParameterSpec, float, bool]]:
-    """Yield each parameter of a fit's last effect, its value, and whether that is significant."""
-    number = len(fit.hypotheses) - 1
+def stated_alone(fit: Fit, number: int) -> tuple[EffectName, float] | None:
+    """Return the plainer effect, and its size, that is all that an effect of a fit states by its deviations.
+
+    ``None`` where it states more, or something else.
+    """
+    telling = [(p, v) for p, v, significant in _parts(fit, number) if p.role == "amplitude" and significant]
+    alone = telling[0][0].alone if len(telling) == 1 else None
+    return None if alone is None else (alone[0], alone[1] * telling[0][1])
+
+
+def _parts(fit: Fit, number: int | None = None) -> Iterator[tuple[ParameterSpec, float, bool]]:
+    """Yield each parameter of an effect, by default the last, its value, and whether that is significant."""
+    number = len(fit.hypotheses) - 1 if number is None else number
     parameters = fit.hypotheses[number].effect.parameters
     stds = fit.scaled_stds(number).tolist()
     for parameter, value, std in zip(parameters, fit.thetas[number].tolist(), stds, strict=True):

@@ -139,11 +139,6 @@ class Fit:
             thetas=tuple(self.thetas[k] for k in kept),
         )
 
-    def single(self, number: int) -> "Fit":
-        """Return one effect with its covariance beside the others."""
-        covariance = self.scaled_covariance(number)
-        return replace(self.selected([number]), covariance=covariance)
-
     def is_bounded(self, number: int) -> bool:
         """Return whether an amplitude of one effect is at a bound that is not its neutral value."""
         own = Parametrisation.of((self.hypotheses[number],))

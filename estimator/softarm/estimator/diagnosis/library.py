@@ -76,6 +76,11 @@ class Library:
     hypotheses: tuple[Hypothesis, ...]
     directions: tuple[Direction, ...]
 
+    def index_of(self, name: EffectName, place: Place) -> int | None:
+        """Return the number of an effect at a place; ``None`` where it is no hypothesis."""
+        numbers = (k for k, h in enumerate(self.hypotheses) if (h.name, h.place) == (name, place))
+        return next(numbers, None)
+
     def groups(self) -> list[tuple[int, int, list[int]]]:
         """List hypothesis, shape and the columns that belong to them."""
         groups: dict[tuple[int, int], list[int]] = {}
@@ -106,7 +111,7 @@ def build_library(
     hypotheses: list[Hypothesis] = []
     directions: list[Direction] = []
     for name, effect in EFFECTS.items():
-        if measured and effect.hook == "command":
+        if measured and effect.shown_by_pressures:
             continue
         if not effect.by_fit or (names is not None and name not in names):
             continue

@@ -32,7 +32,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.candidates import ChosenEffects, restates
+from softarm.estimator.diagnosis.candidates import ChosenEffects, stated_alone
 from softarm.estimator.diagnosis.choose import EXACT_STEPS, Search
 from softarm.estimator.diagnosis.fit import (
     Fit,
@@ -181,15 +181,23 @@ def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects 
     fit = choice.fit
     assert fit is not None
     for number, one in enumerate(choice.accepted):
-        stated = sizes.single(number)
-        for rival in one.field:
-            if restates(stated, rival.fit):
-                hypotheses, thetas = list(fit.hypotheses), list(fit.thetas)
-                hypotheses[number], thetas[number] = rival.fit.hypotheses[-1], rival.fit.thetas[-1]
-                accepted = list(choice.accepted)
-                accepted[number] = replace(one, candidate=rival)
-                again = search.refit(replace(fit, hypotheses=tuple(hypotheses), thetas=tuple(thetas)))
-                return replace(choice, accepted=tuple(accepted), fit=again)
+        plain = stated_alone(sizes, number)
+        if plain is None:
+            continue
+        name, size = plain
+        index = search.evidence.library.index_of(name, fit.hypotheses[number].place)
+        if index is None:
+            continue
+        others = [k for k in range(len(fit.thetas)) if k != number]
+        rest = search.subset(fit, others)
+        candidate = search.candidate(index, np.array([size]), search.problem(rest), rest)
+        if candidate is None:
+            continue
+        accepted = list(choice.accepted)
+        accepted[number] = replace(one, candidate=candidate)
+        joined = rest.joined(candidate.fit) if rest else candidate.fit
+        again = search.refit(joined.selected(np.argsort([*others, number]).tolist()))
+        return replace(choice, accepted=tuple(accepted), fit=again)
     return None
 
 

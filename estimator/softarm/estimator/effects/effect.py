@@ -210,6 +210,7 @@ class Effect:
         hidden_rotation: Gives the rotation of the base that a recorded base does not show [rad], shape (3,),
             of its parameters.
         hides_reading: Whether its sensor's reading says nothing of the arm any more.
+        shown_by_pressures: Whether a measured pressure shows it, so that it cannot act on one.
     """
 
     name: EffectName
@@ -235,6 +236,7 @@ class Effect:
     along_arm: Callable[[Floats], bool] = never_along_arm
     hidden_rotation: Callable[[Floats], Floats] = no_rotation
     hides_reading: bool = False
+    shown_by_pressures: bool = False
 
     @property
     def typical(self) -> Floats:

@@ -63,6 +63,7 @@ def cuts(spot: Spot, highest: Floats) -> tuple[Floats, ...]:
 PRESSURE_SATURATION = Effect(
     name="pressure_saturation",
     hook="command",
+    shown_by_pressures=True,
     parameters=(ParameterSpec("shortfall", "Pa", 20000.0, 0.0, 500000.0, spread=20000.0),),
     places=whole_and_chambers,
     act=pressure_saturation,
@@ -89,6 +90,7 @@ def valve_deadband(signals: Signals, theta: Floats, spot: Spot, memory: Memory) 
 VALVE_DEADBAND = Effect(
     name="valve_deadband",
     hook="command",
+    shown_by_pressures=True,
     parameters=(ParameterSpec("band", "Pa", 1500.0, 0.0, 20000.0, spread=1500.0),),
     places=whole_and_chambers,
     act=valve_deadband,
