@@ -46,7 +46,7 @@ def test_what_the_findings_cause_is_no_event_and_a_touch_stays_one(touch: float,
     assert (left is not None) is explained
     if left is not None:
         assert left["rad"] < LEAST["rad"]
-    assert errors.explained((start, start + 5.0)) is None  # nothing was read there that no fit has seen
+    assert errors.explained((start, start + 5.0)) is None  # fits may see every reading there
 
 
 def test_an_error_is_measured_by_what_the_intake_would_have_reported() -> None:

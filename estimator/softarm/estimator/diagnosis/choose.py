@@ -465,8 +465,7 @@ class Search:
             ranked = [(rival.number, rival.delta_bic, rival.fit.thetas[-1]) for rival in rivals]
             found, _ = self.best(self.finalists(left, ranked), left, null, [chosen[k] for k in others])
             if found is not None and found.candidate.number != one.candidate.number:
-                joined = left.joined(found.candidate.fit).selected(np.argsort([*others, number]).tolist())
-                again = self.refit(joined)
+                again = self.refit(left.inserted(found.candidate.fit, number))
                 if self.worth(again) > self.worth(fit):
                     chosen[number], fit = found, again
         return chosen, fit

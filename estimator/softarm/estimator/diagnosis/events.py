@@ -6,7 +6,7 @@ these stretches. Where the model with all findings predicts them, nothing else a
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -82,8 +82,7 @@ def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
 
 def _ranges(stage: Stage) -> Floats:
     """Return the range of each row, events included, shape (rows,); zero where none was read."""
-    rows = replace(stage, session=stage.session.with_events).reading_rows
-    observed = [row[np.isfinite(row)] for row in rows.T]
+    observed = [row[np.isfinite(row)] for row in stage.with_events.reading_rows.T]
     return np.array([np.ptp(np.percentile(row, [2.0, 98.0])) if len(row) else 0.0 for row in observed])
 
 

@@ -139,6 +139,12 @@ class Fit:
             thetas=tuple(self.thetas[k] for k in kept),
         )
 
+    def inserted(self, other: "Fit", number: int) -> "Fit":
+        """Put another fit's only effect among these, at a number, to begin a joint fit."""
+        order = list(range(len(self.hypotheses)))
+        order.insert(number, len(order))
+        return self.joined(other).selected(order)
+
     def is_bounded(self, number: int) -> bool:
         """Return whether an amplitude of one effect is at a bound that is not its neutral value."""
         own = Parametrisation.of((self.hypotheses[number],))

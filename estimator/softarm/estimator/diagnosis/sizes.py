@@ -175,8 +175,8 @@ def without_fragments(
 def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects | None:
     """Replace an effect that states no more than a plainer one by that one; ``None`` where none does.
 
-    The search tells a leak behind a narrow line from the line's lag by little of what either explains, with
-    the sureness of its noise model. Here the honest deviations decide whether any leak is left.
+    The search distinguishes a leak behind a narrow line from the line's lag by little of what either
+    explains, with the sureness of its noise model. Here the honest deviations decide whether any leak is left.
     """
     fit = choice.fit
     assert fit is not None
@@ -188,15 +188,13 @@ def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects 
         index = search.evidence.library.index_of(name, fit.hypotheses[number].place)
         if index is None:
             continue
-        others = [k for k in range(len(fit.thetas)) if k != number]
-        rest = search.subset(fit, others)
+        rest = search.subset(fit, [k for k in range(len(fit.thetas)) if k != number])
         candidate = search.candidate(index, np.array([size]), search.problem(rest), rest)
         if candidate is None:
             continue
         accepted = list(choice.accepted)
         accepted[number] = replace(one, candidate=candidate)
-        joined = rest.joined(candidate.fit) if rest else candidate.fit
-        again = search.refit(joined.selected(np.argsort([*others, number]).tolist()))
+        again = search.refit(rest.inserted(candidate.fit, number) if rest else candidate.fit)
         return replace(choice, accepted=tuple(accepted), fit=again)
     return None
 

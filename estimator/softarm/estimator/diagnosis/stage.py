@@ -74,15 +74,15 @@ class Vibrations:
     still: Floats
     resting: LinearisedArm
 
-    def strains(self, change: Floats, modal: ModalChange, spot: Spot | None = None) -> Floats:
+    def strains(self, change: Floats, modal: ModalChange, spot: Spot) -> Floats:
         """Return what an effect changes of the strains while the arm vibrates, shape (samples, strains, ...).
 
         Args:
             change: What it changes of the quasi-static strains, shape (samples, strains, ...).
             modal: What it does to masses and damping.
-            spot: Where it does so; needed if it does.
+            spot: Where it does so.
         """
-        if modal.vibrates_alike or spot is None:
+        if modal.vibrates_alike:
             return change + self.arm.lag(change)
         added = np.zeros(self.arm.dynamics.places.shape[1])
         added[spot.section] = modal.added_mass
@@ -159,6 +159,12 @@ class Stage:
     def by_eigenstrain(self) -> Floats:
         """Derivative of the predictions by eigenstrains, shape (samples, rows, 4 segments)."""
         return self.prediction.eigenstrain_jacobian
+
+    @property
+    def with_events(self) -> "Stage":
+        """The same stage with what was read during events, which no fit may see."""
+        session = self.session.with_events
+        return self if session is self.session else replace(self, session=session)
 
     def innovation(self, readings: Floats) -> Floats:
         """Compare stacked readings with the prediction without effects, shape (samples, rows)."""
@@ -351,18 +357,16 @@ class Stage:
             Shape (samples, rows, effects).
         """
         changes = [placed.change(self.signals)[0].reshape(self.drive.samples, -1) for placed in effects]
-        return self._moved(effects[0].field, np.stack(changes, axis=-1), ModalChange())
+        return self._moved(effects[0].field, np.stack(changes, axis=-1), ModalChange(), effects[0].spot)
 
-    def _moved(
-        self, field: str, change: Floats, modal: ModalChange | None, spot: Spot | None = None
-    ) -> Floats:
+    def _moved(self, field: str, change: Floats, modal: ModalChange | None, spot: Spot) -> Floats:
         """Return what changes of a part of the drive change, shape (samples, rows, ...).
 
         Args:
             field: The part.
             change: Shape (samples, inputs, ...).
             modal: What it does to masses and damping; ``None`` where the arm does not vibrate about it.
-            spot: Where it does so; needed if it does.
+            spot: Where it does so.
         """
         moved = _applied(self.by_drive[field], change)
         if self.vibrations is None or modal is None:

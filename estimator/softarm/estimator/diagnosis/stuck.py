@@ -138,7 +138,7 @@ def find_stuck(stage: Stage) -> tuple[Stuck, ...]:
     What was read during events counts: one that stands still looks like an event to the intake.
     """
     stuck = []
-    stage = replace(stage, session=stage.session.with_events)
+    stage = stage.with_events
     time = stage.session.clock - stage.session.clock[0]
     measured, residual = stage.reading_rows, stage.residual
     predicted = measured - residual
