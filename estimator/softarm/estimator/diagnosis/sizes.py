@@ -176,7 +176,7 @@ def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects 
     """Replace an effect that states no more than a plainer one by that one; ``None`` where none does.
 
     The search distinguishes a leak behind a narrow line from the line's lag by little of what either
-    explains, with the sureness of its noise model. Here the honest deviations decide whether any leak is left.
+    explains, with the sureness of its noise model. Here the honest deviations decide if any leak is left.
     """
     fit = choice.fit
     assert fit is not None
