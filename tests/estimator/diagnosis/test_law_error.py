@@ -40,7 +40,7 @@ def problem_of(*, of_its_own: bool) -> tuple[MarginalisedProblem, Fit]:
         residuals.append(RecordingResidual(cast("Any", stage), left, np.ones_like(left), blank))
     none = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)
     problem = MarginalisedProblem.of(residuals, Gaussian(np.zeros(1), np.eye(1)), 1.0, none)
-    fit = Fit((STRONG, WEAK), (np.ones(1), np.ones(1)), np.eye(2), 0.0, at_bound=False)
+    fit = Fit((STRONG, WEAK), (np.ones(1), np.ones(1)), np.eye(2), 0.0)
     return problem, fit
 
 

@@ -53,7 +53,7 @@ def test_stated_probabilities_are_those_of_being_right():
 
 def fitted(name: str, gain: float, place: Place) -> Candidate:
     theta = np.array([parameter.typical for parameter in EFFECTS[name].parameters])
-    fit = Fit((Hypothesis(EFFECTS[name], place),), (theta,), np.eye(len(theta)), gain, at_bound=False)
+    fit = Fit((Hypothesis(EFFECTS[name], place),), (theta,), np.eye(len(theta)), gain)
     return Candidate(0, fit, gain)
 
 

@@ -78,7 +78,7 @@ def test_an_arm_that_moves_from_the_start_was_not_held() -> None:
 def fit_of(name: str, size: float, deviation: float, place: Place) -> Fit:
     effect = EFFECTS[name]
     covariance = np.array([[(deviation / effect.parameters[0].scale) ** 2]])
-    return Fit((Hypothesis(effect, place),), (np.array([size]),), covariance, 100.0, at_bound=False)
+    return Fit((Hypothesis(effect, place),), (np.array([size]),), covariance, 100.0)
 
 
 TIP, LOWER = Place(section="tip"), Place(segment="lower")

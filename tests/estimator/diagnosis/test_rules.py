@@ -62,7 +62,7 @@ def hypothesis(name: str, place: Place = TIP) -> Hypothesis:
 def fit_of(name: str, *theta: float, deviation: float = 1e-3, gain: float = 100.0) -> Fit:
     scales = np.array([parameter.scale for parameter in EFFECTS[name].parameters])
     covariance = np.diag((deviation / scales) ** 2)
-    return Fit((hypothesis(name),), (np.array(theta),), covariance, gain, at_bound=False)
+    return Fit((hypothesis(name),), (np.array(theta),), covariance, gain)
 
 
 def candidate(fit: Fit, delta_bic: float, number: int = 0) -> Candidate:
@@ -199,7 +199,8 @@ def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted(
     field = [candidate(fit, 100.0 - 10.0 * number, number) for number, fit in enumerate(fits)]
     likely = Search.likely(cast("Any", search), field, None)
     assert [one.number for one in likely] == [2, 1]
-    bound = [replace(one, fit=replace(one.fit, at_bound=one.number == 2)) for one in field]
+    heaviest = fit_of("tip_payload", EFFECTS["tip_payload"].parameters[0].upper)
+    bound = [*field[:2], replace(field[2], fit=heaviest)]
     assert [one.number for one in Search.likely(cast("Any", search), bound, None)] == [1]
     assert Search.likely(cast("Any", search), [], None) == []
 
@@ -255,7 +256,7 @@ def test_a_law_with_a_free_exponent_is_judged_by_its_likelihood(told):
     two = 11.83  # of chi-square with two degrees of freedom, as improbable as three deviations of one
     noise = np.sqrt(float(shown @ shown) / two) / np.sqrt(told)
     covariance = noise**2 * np.linalg.inv(slopes.T @ slopes)
-    fit = Fit((law,), (np.array([growth, exponent]),), covariance, 100.0, at_bound=False)
+    fit = Fit((law,), (np.array([growth, exponent]),), covariance, 100.0)
     assert growth / fit.stds(0)[0] < 1.5
     assert is_distinguishable(fit, 0) is (told > 1.0)
 

@@ -109,7 +109,7 @@ def search() -> Search:
 
 def fitted() -> Fit:
     payload = Hypothesis(EFFECTS["tip_payload"], Place(section="tip"))
-    return Fit((payload,), (np.array([0.01]),), np.eye(1) * 1e-12, 50.0, at_bound=False)
+    return Fit((payload,), (np.array([0.01]),), np.eye(1) * 1e-12, 50.0)
 
 
 def test_the_truth_lies_within_two_deviations_of_a_size_though_the_model_errs(search):
@@ -146,14 +146,14 @@ def test_a_size_of_the_other_sign_is_no_estimate_of_the_same_effect():
     assert not reversed_sign(fit, replace(fit, thetas=(np.array([0.05]),)))
     assert reversed_sign(fit, replace(fit, thetas=(np.array([-0.001]),)))
     force = Hypothesis(EFFECTS["external_force"], Place(section="tip"))
-    pulled = Fit((force,), (np.array([0.2, 0.01, 0.0]),), np.eye(3), 1.0, at_bound=False)
+    pulled = Fit((force,), (np.array([0.2, 0.01, 0.0]),), np.eye(3), 1.0)
     assert not reversed_sign(pulled, replace(pulled, thetas=(np.array([0.2, -0.01, 0.0]),)))
 
 
 def test_a_size_that_turns_out_reversed_stays_and_is_less_certain(search):
     """The choice saw a weaker chamber, where these columns would make it a stronger one."""
     weaker = Hypothesis(EFFECTS["chamber_gain"], Place(chamber=0))
-    fit = Fit((weaker,), (np.array([-0.02]),), np.eye(1) * 1e-12, 50.0, at_bound=False)
+    fit = Fit((weaker,), (np.array([-0.02]),), np.eye(1) * 1e-12, 50.0)
     found = sized(search, fit)
     assert found.thetas[0][0] == -0.02
     assert found.stds(0)[0] > 1e-4
@@ -162,7 +162,7 @@ def test_a_size_that_turns_out_reversed_stays_and_is_less_certain(search):
 def test_a_shape_stays_and_is_no_less_certain_than_beforehand(search):
     """Here the width of a softening changes nothing, so only its prior limits it."""
     softer = Hypothesis(EFFECTS["mullins_softening"], Place(segment="lower"))
-    fit = Fit((softer,), (np.array([0.01, 0.5, 0.2]),), np.eye(3) * 1e-6, 50.0, at_bound=False)
+    fit = Fit((softer,), (np.array([0.01, 0.5, 0.2]),), np.eye(3) * 1e-6, 50.0)
     found = sized(search, fit)
     assert found.thetas[0][0] == pytest.approx(MASS, rel=0.2)
     assert found.thetas[0][1:].tolist() == [0.5, 0.2]
@@ -173,7 +173,7 @@ def test_the_weakest_of_doubtful_effects_is_taken_back_first(monkeypatch):
     names = ("tip_payload", "chamber_gain", "segment_stiffness")
     places = (Place(section="tip"), Place(chamber=0), Place(segment="lower"))
     hypotheses = tuple(Hypothesis(EFFECTS[n], p) for n, p in zip(names, places, strict=True))
-    fit = Fit(hypotheses, (np.array([0.1]),) * 3, 1e-4 * np.eye(3), 100.0, at_bound=False)
+    fit = Fit(hypotheses, (np.array([0.1]),) * 3, 1e-4 * np.eye(3), 100.0)
     gains = {"tip_payload": 90.0, "chamber_gain": 20.0, "segment_stiffness": 10.0}
     choice = SimpleNamespace(fit=fit, accepted=tuple(SimpleNamespace(name=name, field=()) for name in names))
 
@@ -205,7 +205,7 @@ def test_a_leak_that_is_not_distinguishable_from_none_is_a_late_line(monkeypatch
 
     def fit_of(name: str, theta: list[float]) -> Fit:
         covariance = 1e-6 * np.eye(len(theta))
-        return Fit((Hypothesis(EFFECTS[name], place),), (np.array(theta),), covariance, 50.0, at_bound=False)
+        return Fit((Hypothesis(EFFECTS[name], place),), (np.array(theta),), covariance, 50.0)
 
     leak, lag = fit_of("line_leak", [0.01, 0.2, 2.0]), fit_of("line_lag", [0.25])
     late, leaking = Candidate(1, lag, 80.0), Candidate(0, leak, 90.0)

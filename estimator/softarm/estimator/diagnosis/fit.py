@@ -114,7 +114,6 @@ class Fit:
         thetas: Their parameters.
         covariance: Of all parameters, in the units of the fit, shape (parameters, parameters).
         gain: By how much they lower the cost against none of them.
-        at_bound: Whether an amplitude ended at a bound that is not its neutral value.
         exact: Whether it rests on the model itself and not on its linearisation.
     """
 
@@ -122,7 +121,6 @@ class Fit:
     thetas: tuple[Floats, ...]
     covariance: Floats
     gain: float
-    at_bound: bool
     exact: bool = False
 
     def joined(self, other: "Fit") -> "Fit":
@@ -144,6 +142,11 @@ class Fit:
         order = list(range(len(self.hypotheses)))
         order.insert(number, len(order))
         return self.joined(other).selected(order)
+
+    @property
+    def at_bound(self) -> bool:
+        """Whether an amplitude of any effect is at a bound that is not its neutral value."""
+        return any(self.is_bounded(number) for number in range(len(self.thetas)))
 
     def is_bounded(self, number: int) -> bool:
         """Return whether an amplitude of one effect is at a bound that is not its neutral value."""
@@ -235,7 +238,6 @@ def fit_effects(
         thetas,
         np.asarray(np.linalg.inv(matrix), dtype=np.float64),
         gain,
-        parametrisation.at_bound(values),
         exact,
     )
 
