@@ -1,6 +1,6 @@
 """Which physics to accept: one effect at a time, judged by what it predicts where it was not fitted."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -19,7 +19,15 @@ from softarm.estimator.diagnosis.candidates import (
     surprise,
 )
 from softarm.estimator.diagnosis.evidence import RegressionProblem
-from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem, RecordingResidual, fit_effects, gain_of
+from softarm.estimator.diagnosis.excursions import excursions_of
+from softarm.estimator.diagnosis.fit import (
+    Fit,
+    MarginalisedProblem,
+    RecordingResidual,
+    fit_effects,
+    fit_laws,
+    gain_of,
+)
 from softarm.estimator.diagnosis.folds import Combinations, Folds, Marginaliser
 from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
 from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN, FoldCosts, Judgement, fold_costs, judge
@@ -204,7 +212,7 @@ class Search:
     ) -> Candidate | None:
         """Fit a hypothesis to first order beside what is accepted; ``None`` where that fails."""
         try:
-            fit = fit_effects(problem, (self.evidence.library.hypotheses[number],), (theta,))
+            fit = fit_laws(problem, (self.evidence.library.hypotheses[number],), (theta,))
             fit = self.conditioned(fit) if accepted is None else fit
         except np.linalg.LinAlgError:
             return None
@@ -260,6 +268,7 @@ class Search:
 
         Once an accepted effect has changed material or mass, another vibration is its consequence. What
         one law leaves of a strong effect looks like a weaker second effect, which every recording must show.
+        Where only effects at their bounds explain anything, the best of them is turned down: something acts.
         """
         turned_down = None
         certain = max([CERTAIN, *(SECOND * one.candidate.delta_bic for one in accepted)])
@@ -273,6 +282,9 @@ class Search:
             if judgement.accepted:
                 return Accepted(candidate, judgement, tuple(field)), None
             turned_down = turned_down or (candidate, judgement)
+        bounded = next((one for one in field if one.fit.at_bound and one.delta_bic >= LEAST_BIC), None)
+        if turned_down is None and bounded is not None:
+            turned_down = bounded, self.judge(bounded, fit, null)
         return None, turned_down
 
     def likely(self, field: Sequence[Candidate], fit: Fit | None) -> list[Candidate]:
@@ -334,9 +346,28 @@ class Search:
         return self.evidence.library.hypotheses[candidate.number].effect
 
     def judge(self, candidate: Candidate, fit: Fit | None, null: Floats) -> Judgement:
-        """Judge a candidate by what it predicts where it was not fitted."""
+        """Judge a candidate by what it predicts where it was not fitted.
+
+        All samples of the only excursion in which an effect was seen are one, and must be as certain.
+        """
         search_p = float((null >= candidate.delta_bic).mean())
-        return judge(self.predicted(candidate, fit), self.rng, search_p, candidate.delta_bic)
+        judgement = judge(self.predicted(candidate, fit), self.rng, search_p, candidate.delta_bic)
+        seen = excursions_of(self.weighted_squares(candidate))
+        if not seen.once:
+            return judgement
+        return replace(judgement, least=CERTAIN * self.weights.effective_sample_fraction * seen.samples)
+
+    def weighted_squares(self, candidate: Candidate) -> Iterator[tuple[Floats, Floats]]:
+        """Yield, of each recording in question, its time and the weighted squares of a candidate's change.
+
+        Only those of searched samples are not zero, each of shape (samples,).
+        """
+        for number, stage in enumerate(self.evidence.stages):
+            session = stage.session
+            if not session.nominal:
+                used = np.isfinite(self.evidence.residuals[number]) & ~session.heldout[:, None]
+                change = self.change(stage, candidate.fit) / self.evidence.scale(self.weights, number)
+                yield session.clock, np.sum(np.where(used, np.nan_to_num(change), 0.0) ** 2, axis=1)
 
     def predicted(self, candidate: Candidate, fit: Fit | None) -> FoldCosts:
         """Return how well folds of the searched stretches are predicted with a candidate and without."""
@@ -512,7 +543,7 @@ class Search:
     def refit(self, fit: Fit) -> Fit:
         """Fit all accepted effects together, on the model itself where that is affordable."""
         problem = self.problem()
-        best = fit_effects(problem, fit.hypotheses, fit.thetas)
+        best = fit_laws(problem, fit.hypotheses, fit.thetas)
         if self.solvable(fit):
             again = fit_effects(problem, best.hypotheses, best.thetas, exact=True, iterations=EXACT_STEPS)
             best = max(best, again, key=lambda one: one.gain)

@@ -201,6 +201,7 @@ def assemble(
         _common_world(stages).world,
         np.concatenate([s.pressures for s in split]),
         effects,
+        compared=any(session.nominal for session in split),
         drawn=only_drawn(model.specimen, split),
         measured=not any(session.commanded for session in split),
     )

@@ -190,11 +190,11 @@ def fit_effects(
             step shows (Broyden 1965), for a strong effect changes them. Those of a contact are taken anew at
             each step: how hard it is shows in a twentieth of what it changes.
         iterations: Largest number of steps tried.
-        moving: Which parameters are fitted, shape (parameters,); all when left out.
+        moving: Which parameters are fitted, shape (parameters,); all when left out, but no choices.
     """
     parametrisation = Parametrisation.of(hypotheses)
     values = parametrisation.units(np.concatenate(starts))
-    moving = np.ones(len(values), dtype=bool) if moving is None else moving
+    moving = ~parametrisation.choices if moving is None else moving & ~parametrisation.choices
 
     def changed(at: Floats) -> list[Floats]:
         return whitened(problem, hypotheses, parametrisation.split(at), exact=exact)
@@ -240,6 +240,26 @@ def fit_effects(
         gain,
         exact,
     )
+
+
+def fit_laws(problem: MarginalisedProblem, hypotheses: Sequence[Hypothesis], starts: Sequence[Floats]) -> Fit:
+    """Fit effects to first order under each of the laws that their choices offer, and keep the best.
+
+    Args:
+        problem: What is fitted to, with the common coefficients.
+        hypotheses: The effects.
+        starts: Parameters to begin with.
+    """
+    best = fit_effects(problem, hypotheses, starts)
+    for number, hypothesis in enumerate(hypotheses):
+        for index, parameter in enumerate(hypothesis.effect.parameters):
+            for choice in parameter.choices:
+                if choice != best.thetas[number][index]:
+                    others = [theta.copy() for theta in best.thetas]
+                    others[number][index] = choice
+                    again = fit_effects(problem, hypotheses, others)
+                    best = max(best, again, key=lambda one: one.gain)
+    return best
 
 
 def _normal(
@@ -376,14 +396,19 @@ class Parametrisation:
         spreads = [
             p.spread
             if p.transform == "log"
-            else (10.0 if p.role == "amplitude" else 3.0) * p.spread / p.scale
+            else (0.0 if p.choices else 10.0 if p.role == "amplitude" else 3.0) * p.spread / p.scale
             for p in self.parameters
         ]
         return np.asarray(np.maximum(np.array(spreads), 1e-3), dtype=np.float64)
 
     def penalty(self, values: Floats) -> float:
         """Return the cost of values beforehand."""
-        return float((((values - self.centres) / self.spreads) ** 2).sum())
+        return float((((values - self.centres) / self.spreads)[~self.choices] ** 2).sum())
+
+    @property
+    def choices(self) -> NDArray[np.bool_]:
+        """Which parameters are choices between laws, shape (parameters,)."""
+        return np.array([bool(p.choices) for p in self.parameters])
 
     @property
     def amplitudes(self) -> NDArray[np.bool_]:

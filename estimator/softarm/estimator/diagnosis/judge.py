@@ -34,6 +34,7 @@ class Judgement:
         search_p: Chance of as much in the whole search where nothing is missing.
         delta_bic: Of the candidate.
         certain: Gain in the criterion that decides even where the gain on single folds scatters.
+        least: Gain in the criterion that is needed of an effect that was seen once.
     """
 
     before: float
@@ -44,6 +45,7 @@ class Judgement:
     search_p: float
     delta_bic: float
     certain: float = CERTAIN
+    least: float = 0.0
 
     @property
     def accepted(self) -> bool:
@@ -53,7 +55,8 @@ class Judgement:
         """
         certain = self.delta_bic >= self.certain and self.after < self.before
         return (
-            (self.gain_ci95[0] >= 0.0 or certain)
+            self.delta_bic >= self.least
+            and (self.gain_ci95[0] >= 0.0 or certain)
             and (self.share >= MATERIAL or self.change >= REPEATABLE)
             and self.search_p <= FALSE_ALARM
         )

@@ -94,6 +94,7 @@ def build_library(
     pressures: Floats,
     names: Sequence[EffectName] | None = None,
     *,
+    compared: bool = True,
     drawn: bool = False,
     measured: bool = False,
 ) -> Library:
@@ -104,13 +105,15 @@ def build_library(
         pressures: All recorded pressures [Pa], shape (samples, chambers); chambers that were never driven are
             left out.
         names: Effects to try; all when left out.
+        compared: Whether recordings show the arm in its known state.
         drawn: Whether nothing but a drawing is the reference: what its calibration has to find is left out.
         measured: Whether no pressure is a set-point: what a valve makes of these is then known.
     """
     highest = np.nanmax(pressures, axis=0, initial=0.0)
     hypotheses: list[Hypothesis] = []
     directions: list[Direction] = []
-    for name, effect in EFFECTS.items():
+    for name, known in EFFECTS.items():
+        effect = known if compared else known.against_drawing()
         if measured and effect.shown_by_pressures:
             continue
         if not effect.by_fit or (names is not None and name not in names):

@@ -31,7 +31,8 @@ class Amount:
 
     In a format string ``{mass}`` prints the value with its unit, ``{force_x:number}`` the number alone,
     ``{share:percent}`` the value in percent, and ``{gain:lower|higher}`` its size, of a ratio in percent,
-    followed by the first words where it is negative and by the second where it is not.
+    followed by the first words where it is negative and by the second where it is not; ``{relaxed:=at once|in
+    the end}`` prints the first words for 0 and the second for any other value.
 
     Args:
         value: In the SI unit.
@@ -47,6 +48,8 @@ class Amount:
             return f"{100.0 * self.value:.3g} %"
         if form == "number":
             return f"{readable(self.unit)[0] * self.value:.3g}"
+        if form.startswith("="):
+            return form[1:].split("|")[self.value != 0.0]
         factor, name = readable(self.unit)
         if form:
             if self.unit == "1":

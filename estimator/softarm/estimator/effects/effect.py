@@ -7,7 +7,7 @@ An effect whose amplitudes are zero changes nothing.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -80,6 +80,9 @@ class ParameterSpec:
             where this one is positive.
         dissipates: Whether a material with less than none of it would give off energy.
         periodic: Whether it is a direction: a fit may go once around, its value is from -pi to pi.
+        least_drawn: Lower bound where no recording shows the arm in its known state: what a drawing of it can
+            be wrong by.
+        choices: The only values that a shape can have: each is a law of its own, and no fit moves it.
     """
 
     name: str
@@ -93,6 +96,8 @@ class ParameterSpec:
     alone: tuple[EffectName, float] | None = None
     dissipates: bool = False
     periodic: bool = False
+    least_drawn: float | None = None
+    choices: tuple[float, ...] = ()
 
     @property
     def scale(self) -> float:
@@ -124,6 +129,8 @@ class ParameterSpec:
         What may be rigid has a skewed distribution: half of what two deviations allow on its larger side, so
         that two of either reach as far.
         """
+        if self.choices:
+            return 0.0
         at = self.scaled(value)
         if self.transform == "inverse":
             rigid, soft = max(at - 2.0 * scaled, self.scaled(self.upper)), at + 2.0 * scaled
@@ -247,6 +254,13 @@ class Effect:
     def neutral(self) -> Floats:
         """Parameters with which it does nothing, shape (parameters,)."""
         return np.array([0.0 if p.role == "amplitude" else p.typical for p in self.parameters])
+
+    def against_drawing(self) -> "Effect":
+        """Return it as it may act where nothing but a drawing of the arm is the reference."""
+        parameters = tuple(
+            p if p.least_drawn is None else replace(p, lower=p.least_drawn) for p in self.parameters
+        )
+        return replace(self, parameters=parameters)
 
     def unit(self, parameter: ParameterSpec, place: Place) -> str:
         """Return a parameter's unit at a place: what is an angle of other sensors is a length of a marker."""

@@ -39,12 +39,14 @@ def distributed_mass_modal(theta: Floats) -> ModalChange:
 LIGHTEST = -0.15
 """Silicone rubbers have 970 to 1300 kg/m3, so an arm as drawn is at most so much
 lighter."""
+HOLLOWED = -0.6
+"""An arm that has lost hoses or fittings may be lighter still: more than half of it is walls."""
 
 
 DISTRIBUTED_MASS = Effect(
     name="distributed_mass",
     hook="gravity",
-    parameters=(ParameterSpec("change", "1", 0.1, LIGHTEST, 2.0, spread=0.1),),
+    parameters=(ParameterSpec("change", "1", 0.1, HOLLOWED, 2.0, spread=0.1, least_drawn=LIGHTEST),),
     places=everywhere,
     act=distributed_mass,
     statement="The mass of {where} is {change:lower|higher} than in the model.",
@@ -504,18 +506,18 @@ THERMAL_DRIFT = Effect(
 def viscoelastic_creep(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
     """Add strain that grows after every step of load, and comes back after release.
 
-    Kelvin-Voigt element in series with the elastic segment: eps = (1 + i) (u + g z), tau z' = u - z, with u
-    the elastic strain of the model, g the relaxation strength and tau the retardation time. The stiffness
-    that a model was calibrated to is that of no single rate, so the part of the strain that is there at once
-    may change too, by i. The relaxation strength is the delayed over the immediate compliance and equally the
-    modulus of a Maxwell branch over that of the spring beside it (A. S. Nowick and B. S. Berry, Anelastic
-    Relaxation in Crystalline Solids, 1972).
+    Kelvin-Voigt element in series with the elastic segment: eps = (u + g z) / (1 + r g), tau z' = u - z, with
+    u the elastic strain of the model, g the relaxation strength and tau the retardation time. The stiffness
+    of the model is that at once for r = 0 and that in the end for r = 1, when the arm has become more viscous
+    by a Maxwell branch beside its spring. The relaxation strength is the delayed over the immediate
+    compliance and equally the modulus of that branch over that of the spring (A. S. Nowick and B. S. Berry,
+    Anelastic Relaxation in Crystalline Solids, 1972).
 
     An arm that has hung at rest has crept under what it bears at the start.
     """
-    strength, lag, instant = theta
+    strength, lag, relaxed = theta
     late, memory = first_order(signals.time, signals.strains, lag, memory)
-    changed = (1.0 + instant) * (signals.strains + strength * late)
+    changed = (signals.strains + strength * late) / (1.0 + relaxed * strength)
     share = spot.segments[:, None]
     return (1.0 - share) * signals.strains + share * changed, memory
 
@@ -526,13 +528,13 @@ VISCOELASTIC_CREEP = Effect(
     parameters=(
         ParameterSpec("strength", "1", 0.1, -0.5, 2.0, spread=0.2, dissipates=True),
         ParameterSpec("time_constant", "s", 20.0, 0.5, 500.0, "shape", "log", 1.5),
-        ParameterSpec("instant_change", "1", 0.05, -0.5, 0.5, spread=0.1, alone=("segment_stiffness", -1.0)),
+        ParameterSpec("relaxed", "1", 1.0, 0.0, 1.0, "shape", choices=(0.0, 1.0)),
     ),
     places=whole_and_segments,
     act=viscoelastic_creep,
     statement="The material of {where} creeps: after a step its strain grows by a further "
-    "{strength:percent} of the immediate strain, with a time constant of {time_constant}. The immediate "
-    "strain is {instant_change:lower|higher} than in the model.",
+    "{strength:percent} of the immediate strain, with a time constant of {time_constant}. Its stiffness is "
+    "that of the model {relaxed:=at once|in the end}.",
     source="W. N. Findley et al., Creep and Relaxation of Nonlinear Viscoelastic Materials, 1976",
     equivalence=("memory_at_one_rate",),
     needs=frozenset({"holds"}),
@@ -541,5 +543,5 @@ VISCOELASTIC_CREEP = Effect(
         ("thermal_drift", "repeat the hold after an hour of the same load"),
     ),
     when="time since a change",
-    shapes=((0.7,), (2.0,), (6.0,), (20.0,), (60.0,)),
+    shapes=tuple((lag, relaxed) for lag in (0.7, 2.0, 6.0, 20.0, 60.0) for relaxed in (0.0, 1.0)),
 )
