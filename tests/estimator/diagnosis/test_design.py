@@ -49,6 +49,18 @@ def test_what_only_a_drawing_tells_is_calibrated_and_not_looked_for() -> None:
     assert [h.place.chamber for h in library.hypotheses if h.name == "chamber_gain"] == list(range(6))
 
 
+def test_an_arm_may_lose_more_of_its_mass_than_a_drawing_may_be_wrong_by() -> None:
+    pressures = np.full((10, 6), 20e3)
+    least = [
+        build_library(world(SENSORS), pressures, ("distributed_mass",), compared=compared)
+        .hypotheses[0]
+        .effect.parameters[0]
+        .lower
+        for compared in (True, False)
+    ]
+    assert least[0] < -0.5 < least[1] < -0.1
+
+
 def test_an_effect_that_is_there_or_not_has_a_direction_for_each_way_of_being_there() -> None:
     pressures = np.full((10, 6), 20e3)
     library = build_library(world(SENSORS), pressures, ("pressure_saturation",))

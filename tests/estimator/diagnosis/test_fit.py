@@ -6,7 +6,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis.fit import MarginalisedProblem, RecordingResidual, fit_effects
+from softarm.estimator.diagnosis.fit import MarginalisedProblem, RecordingResidual, fit_effects, fit_laws
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import normal_equations, total
@@ -104,3 +104,31 @@ def test_the_stiffness_of_a_hard_wall_lies_within_two_deviations(stiffness: floa
         found = fit_effects(none, (effect,), (np.array([60.0, 0.0, 0.0]),))
         inside += abs(float(found.thetas[0][0]) - stiffness) < 2.0 * float(found.stds(0)[0])
     assert inside >= 18
+
+
+class Creeping:
+    """A stage whose prediction creeps, with the stiffness of the model at once or in the end."""
+
+    world = world()
+    late = np.roll(SHAPE, 20, axis=0)
+
+    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> np.ndarray:
+        strength, _, relaxed = effects[0].theta
+        return (SHAPE + strength * self.late) / (1.0 + relaxed * strength) - SHAPE
+
+
+@pytest.mark.parametrize("relaxed", [0.0, 1.0])
+@pytest.mark.parametrize("start", [0.0, 1.0])
+def test_no_fit_moves_a_choice_and_each_is_tried(relaxed: float, start: float):
+    effect = Hypothesis(EFFECTS["viscoelastic_creep"], Place())
+    truth = PlacedEffect(effect.effect, Spot(world(), effect.place), np.array([0.3, 5.0, relaxed]))
+    weight = np.full(SHAPE.shape, 1e3)
+    blank = np.zeros((SHAPE.size, 1), dtype=np.float32)
+    left = Creeping().change([truth]) * weight
+    view = RecordingResidual(cast("Stage", Creeping()), left, weight, blank)
+    none = MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total([], 1))
+    kept = fit_effects(none, (effect,), (np.array([0.1, 5.0, start]),))
+    best = fit_laws(none, (effect,), (np.array([0.1, 5.0, start]),))
+    assert kept.thetas[0][2] == start
+    assert best.thetas[0][[0, 2]].tolist() == pytest.approx([0.3, relaxed], rel=1e-2)
+    assert best.stds(0)[2] == 0.0

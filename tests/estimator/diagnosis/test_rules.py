@@ -170,6 +170,21 @@ def test_a_cord_that_a_fit_makes_as_stiff_as_a_wall_is_no_cord():
     assert dropped == {0}
 
 
+def test_where_only_an_effect_at_its_bound_explains_anything_it_is_turned_down():
+    """Something acts then, which is asked for a name; to take no notice of it would be to miss it."""
+    heaviest = candidate(fit_of("tip_payload", EFFECTS["tip_payload"].parameters[0].upper), 100.0)
+    found = judgement(delta_bic=100.0)
+    search = SimpleNamespace(
+        another_vibration=lambda *_: False,
+        another_stretch=lambda *_: False,
+        likely=lambda *_: [],
+        judge=lambda *_: found,
+    )
+    assert Search.best(cast("Any", search), [heaviest], None, np.zeros(5), []) == (None, (heaviest, found))
+    hardly = replace(heaviest, delta_bic=1.0)
+    assert Search.best(cast("Any", search), [hardly], None, np.zeros(5), []) == (None, None)
+
+
 def test_an_unexpected_size_costs_up_to_a_bound():
     spread = EFFECTS["tip_payload"].parameters[0].spread
     assert surprise(fit_of("tip_payload", 2.0 * spread)) == pytest.approx(4.0)
@@ -647,19 +662,17 @@ def test_a_candidate_that_changes_nothing_is_not_accepted():
 
 
 def test_a_law_includes_a_plainer_one_that_is_part_of_it():
-    """Creep may bring a softer segment with it: then that segment is softer, whichever law is chosen."""
-    upper, lower = Place(segment="upper"), Place(segment="lower")
+    """A leak may be behind a narrow line: then that line is late, whichever law is chosen."""
 
-    def fitted(name: str, place: Place, *theta: float) -> Fit:
-        return replace(fit_of(name, *theta), hypotheses=(hypothesis(name, place),))
+    def fitted(name: str, chamber: int, *theta: float) -> Fit:
+        return replace(fit_of(name, *theta), hypotheses=(hypothesis(name, Place(chamber=chamber)),))
 
-    soft, stiff = fitted("segment_stiffness", upper, -0.3), fitted("segment_stiffness", upper, 0.3)
-    creep = fitted("viscoelastic_creep", upper, 0.02, 2.0, 0.4)
-    assert includes(creep, soft)
-    assert not includes(creep, stiff)
-    assert not includes(soft, creep)
-    assert not includes(fitted("viscoelastic_creep", lower, 0.02, 2.0, 0.4), soft)
-    assert not includes(fitted("viscoelastic_creep", upper, 0.02, 2.0, 0.9 * TOLD * 1e-3), soft)
+    late, leak = fitted("line_lag", 1, 0.2), fitted("line_leak", 1, 0.1, 0.2, 1.0)
+    assert includes(leak, late)
+    assert not includes(leak, fitted("line_lag", 1, -0.2))
+    assert not includes(late, leak)
+    assert not includes(fitted("line_leak", 2, 0.1, 0.2, 1.0), late)
+    assert not includes(fitted("line_leak", 1, 0.1, 0.9 * TOLD * 1e-3, 1.0), late)
 
 
 def test_a_law_that_says_no_more_than_a_plainer_one_restates_it():

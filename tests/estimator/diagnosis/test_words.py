@@ -39,6 +39,8 @@ def test_what_a_mismatch_depends_on_is_a_sentence():
         (0.15, "1", "percent", "15 %"),
         (-0.2, "1", "less|more", "20 % less"),
         (0.2, "1", "less|more", "20 % more"),
+        (0.0, "1", "=at once|in the end", "at once"),
+        (1.0, "1", "=at once|in the end", "in the end"),
     ],
 )
 def test_amounts_are_in_the_units_that_people_read(value: float, unit: str, form: str, words: str):
