@@ -13,6 +13,8 @@ from tests.estimator.diagnosis.linear_arm import LOCKING, Concealed, model, sess
 
 LAW = ((LOCKING, Place(segment="lower"), (0.05, 0.5)),)
 """Half of what the lower segment bends beyond 0.05 rad is lost."""
+FAINT = ((LOCKING, Place(segment="lower"), (0.05, 0.02)),)
+"""One fiftieth of it."""
 GAIN = (("chamber_gain", Place(chamber=1), (-0.15,)),)
 
 
@@ -28,12 +30,14 @@ def test_a_law_that_nominal_recordings_show_too_is_no_change(nominal: Concealed,
     assert (unnamed_law(searching(nominal, LAW), None).gain > CERTAIN) is changed
 
 
-@pytest.mark.parametrize(("questioned", "alone"), [(LAW, True), ((*LAW, *GAIN), False), (GAIN, False)])
-def test_a_law_acts_alone_only_where_the_effect_predicts_nothing_beside_it(
-    questioned: Concealed, *, alone: bool
-):
+@pytest.mark.parametrize(
+    ("questioned", "unknown"),
+    [(LAW, True), ((*LAW, *GAIN), True), ((*FAINT, *GAIN), False), (GAIN, False)],
+)
+def test_what_explains_more_alone_is_what_acts(questioned: Concealed, *, unknown: bool):
+    """Beside the other each of the two explains more, whichever is in the recordings."""
     search = searching((), questioned)
     own = [h.place for h in search.evidence.library.hypotheses].index(Place(chamber=1))
     gain = search.candidate(own, np.array([-0.1]), search.problem(), None)
     assert gain is not None
-    assert (unnamed_law(search, gain.fit).probability > 0.5) is alone
+    assert (unnamed_law(search, gain.fit).probability > 0.5) is unknown
