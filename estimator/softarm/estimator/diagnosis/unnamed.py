@@ -4,13 +4,16 @@ A law bends segments, or lets chambers push otherwise, by functions that state n
 segment's own bend or of a chamber's pressure, alike for all directions and chambers; or, where nothing is
 alike, a Gaussian process of all pressures and bends, as they are and as they fade, and of the clock, in its
 largest components at some of the states (Williams and Seeger, Advances in Neural Information Processing
-Systems 13 (2001) 682). The likeliest law competes with the effects that were accepted by what each predicts
-of recordings that it was not fitted to. Beside one another each of them explains more than alone, for no law
-and no effect is exact; so what decides is which of them explains more that the other does not: the likelier
-one, alone. Where that is the law, what was left out is not in the library, and the nearest name would be
-wrong. A name is right only if the library contains what acts: its probability is that of its rivals in the
-library times that no law without a name acts instead (Bernardo and Smith, Bayesian Theory (1994), section
-6.1, on sets of models that may be incomplete).
+Systems 13 (2001) 682). The likeliest law competes with the effects that were accepted, by what each predicts
+of recordings that it was not fitted to.
+
+Both together explain more than either, for no law and no effect is exact. So what decides is how much of
+all that they explain, b, only one of them does: the effects b - l, where l is what the law explains alone,
+and the law b - e. A law bends to whatever the model of an arm gets wrong as well, so it takes the place of
+names only where its own part is twice theirs: l > (e + b) / 2. Then what was left out is not in the
+library, and the nearest name would be wrong. A name is right only if the library contains what acts: its
+probability is that of its rivals in the library times that no law without a name acts instead (Bernardo and
+Smith, Bayesian Theory (1994), section 6.1, on sets of models that may be incomplete).
 
 The library's columns do not stand for a law, so what nominal recordings have of one is learnt from these:
 only a change of it counts. The process is not compared so. It is wide enough that whatever has changed
@@ -223,17 +226,22 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     """
     stated = () if fit is None else tuple(h.place for h in fit.hypotheses if h.name in LAWS_OF_BEND)
     smooth = search.evidence.has_nominal and fit is not None
-    shown = likeliest_law(search, smooth=smooth, stated=stated)
+    of_each_size = likeliest_law(search, smooth=smooth, stated=stated)
+    shown = of_each_size[0]
     law = shown.law
     nothing = _log_densities(shown.without(), shown.known, shown.known)
     densities = [_log_densities(shown.shown, shown.known, shown.changed) - nothing, np.zeros_like(nothing)]
     named_gain = 0.0
     if fit is not None:
         price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
-        named = _with_effects(search, shown, fit)
+        joint = _with_effects(search, shown, fit)
+        named = joint.selected([*range(len(shown.known.mean)), len(shown.changed.mean)])
         effects = _log_densities(named, shown.known, shown.known.augment(0.0, ANY_SIZE)) - price - nothing
+        # Beside effects a law may be smaller: what they get wrong, and not all that has changed.
+        beside = max(of_each_size, key=lambda one: predictive(_of_any_size(one), joint.whole, 1.0))
+        both = _log_densities(joint, beside.known, _of_any_size(beside)) - price - nothing
         named_gain = 2.0 * float(effects.sum())
-        densities.append(effects)
+        densities.append(0.5 * (effects + both))
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
     nearest = () if fit is None else tuple(hypothesis.name for hypothesis in fit.hypotheses)
     gain = 2.0 * float(densities[0].sum())
@@ -255,7 +263,7 @@ def unnamed_probability(search: Search, changed: float) -> float:
         for key, one in search.tried.items()
         if len(key) == 1 and one is not None and not one.fit.at_bound
     ]
-    law = likeliest_law(search, smooth=False)
+    law = likeliest_law(search, smooth=False)[0]
     folds, fraction = search.folds(None), search.weights.effective_sample_fraction
     plain = NewFolds(
         folds.whole.data,
@@ -273,8 +281,13 @@ def unnamed_probability(search: Search, changed: float) -> float:
     return min(float(pseudo_bma(np.column_stack(densities), search.rng)[len(named) : -1].sum()), 1.0)
 
 
-def likeliest_law(search: Search, *, smooth: bool, stated: Sequence[Place] = ()) -> LawEvidence:
-    """Return the law, of the size, under which the recordings in question are likeliest.
+def _of_any_size(shown: LawEvidence) -> Gaussian:
+    """Return the prior of a law and of effects beside it."""
+    return shown.changed.augment(0.0, ANY_SIZE)
+
+
+def likeliest_law(search: Search, *, smooth: bool, stated: Sequence[Place] = ()) -> list[LawEvidence]:
+    """Return the law under which the recordings in question are likeliest, at its likeliest size first.
 
     Args:
         search: The search.
@@ -286,13 +299,12 @@ def likeliest_law(search: Search, *, smooth: bool, stated: Sequence[Place] = ())
     def likelihood(shown: LawEvidence) -> float:
         return predictive(shown.changed, shown.shown.whole, 1.0)
 
-    tried = (
-        shown
+    tried = [
+        sorted(_law_evidence(search, law), key=likelihood, reverse=True)
         for law in laws(search, smooth=smooth)
         if law.regime != BEND or not ({Place(), law.place} & set(stated))
-        for shown in _law_evidence(search, law)
-    )
-    return max(tried, key=likelihood)
+    ]
+    return max(tried, key=lambda of_each_size: likelihood(of_each_size[0]))
 
 
 def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:
@@ -317,15 +329,13 @@ def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:
 
 
 def _with_effects(search: Search, shown: LawEvidence, fit: Fit) -> NewFolds:
-    """Return the searched stretches with what effects change, beside what nominal ones have of a law."""
-    known = len(shown.known.mean)
+    """Return a law's evidence with what effects change as one more column."""
 
     def columns(stage: Stage) -> Floats:
         return np.append(shown.law.columns(stage), search.change(stage, fit)[..., None], axis=-1)
 
     wanted = Combinations(
-        block_diag(shown.wanted.new[:, :known], np.ones((1, 1))),
-        np.pad(shown.wanted.common[:, :known], ((0, 0), (0, 1))),
+        block_diag(shown.wanted.new, np.ones((1, 1))), np.pad(shown.wanted.common, ((0, 0), (0, 1)))
     )
     return _marginal(search, search.new_columns(columns), wanted)
 
