@@ -39,14 +39,14 @@ def distributed_mass_modal(theta: Floats) -> ModalChange:
 LIGHTEST = -0.15
 """Silicone rubbers have 970 to 1300 kg/m3, so an arm as drawn is at most so much
 lighter."""
-HOLLOWED = -0.6
-"""An arm that has lost hoses or fittings may be lighter still: more than half of it is walls."""
+STRIPPED = -0.5
+"""An arm that has lost hoses or fittings may be lighter still, but its walls stay: more than half of it."""
 
 
 DISTRIBUTED_MASS = Effect(
     name="distributed_mass",
     hook="gravity",
-    parameters=(ParameterSpec("change", "1", 0.1, HOLLOWED, 2.0, spread=0.1, least_drawn=LIGHTEST),),
+    parameters=(ParameterSpec("change", "1", 0.1, STRIPPED, 2.0, spread=0.1, least_drawn=LIGHTEST),),
     places=everywhere,
     act=distributed_mass,
     statement="The mass of {where} is {change:lower|higher} than in the model.",
