@@ -8,7 +8,7 @@ import pytest
 
 from softarm.analysis.diagnosis import sentences
 from softarm.analysis.diagnosis.report import report_of
-from softarm.estimator.diagnosis.result import InnovationTest
+from softarm.estimator.diagnosis.result import InnovationTest, Quantity
 from tests.service.diagnosis.made_diagnosis import (
     consistent,
     diagnosis,
@@ -147,3 +147,8 @@ def test_innovations_are_called_white_only_where_they_are():
 )
 def test_numbers_have_no_exponents(value, words):
     assert sentences.number(value) == words
+
+
+@pytest.mark.parametrize(("std", "words"), [(0.0021, "52.3 ± 2.1 g"), (0.0, "52.3 g")])
+def test_a_parameter_is_written_with_its_deviation_where_it_has_one(std: float, words: str):
+    assert sentences.quantity(Quantity(0.0523, std, "kg")) == words

@@ -39,9 +39,10 @@ def amount(value: float, unit: str) -> str:
 
 
 def quantity(one: Quantity) -> str:
-    """Write a parameter with its standard deviation."""
+    """Write a parameter with its standard deviation, where it has one."""
     factor, name = readable(one.unit)
-    return f"{factor * one.value:.4g} ± {factor * one.std:.2g} {name}".strip()
+    deviation = f" ± {factor * one.std:.2g}" if one.std else ""
+    return f"{factor * one.value:.4g}{deviation} {name}".strip()
 
 
 def plain(name: str) -> str:
