@@ -6,7 +6,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis.innovations import channel_errors, innovation_test, worst_stretch
+from softarm.estimator.diagnosis.innovations import (
+    channel_errors,
+    innovation_test,
+    worst_over_nominal,
+    worst_stretch,
+)
 from softarm.estimator.diagnosis.line import line_errors
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.weights import Weights
@@ -112,3 +117,30 @@ def test_the_worst_stretch_is_found_by_recording_channel_and_time(search):
     assert (worst.recording, worst.channel, worst.unit) == ("run", "bend_tip.x", "rad")
     assert (worst.start, worst.end) == (time[0], time[-1])
     assert worst.rms == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(("reported", "ratio"), [(False, 30.0), (True, 1.0)])
+def test_the_worst_stretch_is_compared_with_the_worst_nominal_one(search, *, reported: bool, ratio: float):
+    """One axis errs in one stretch; what is for the report decides nothing."""
+    stages = list(search.evidence.stages)
+    blocks = stages[1].session.blocks
+    worst = blocks == blocks[0]
+    hidden = replace(stages[1].session, heldout=worst, confirms=worst & (not reported))
+    stages[1] = stage(hidden, np.zeros((len(blocks), 4)))
+    residuals = [np.full((one.session.samples, 4), ASSUMED) for one in stages]
+    residuals[1][worst, 2] *= 30.0
+    residuals[1][:3, 0] = np.nan
+    columns = [np.zeros((one.session.samples, 4, 1)) for one in stages]
+    made = SimpleNamespace(
+        evidence=SimpleNamespace(stages=stages, columns=columns),
+        weights=search.weights,
+        residuals=lambda _: residuals,
+        prior=SimpleNamespace(mean=np.zeros(1)),
+        folds=lambda _: SimpleNamespace(whole=SimpleNamespace(mean=np.zeros(1))),
+    )
+    assert worst_over_nominal(made, None) == pytest.approx(ratio)
+    alone = SimpleNamespace(
+        **(vars(made) | {"evidence": SimpleNamespace(stages=stages[1:], columns=columns[1:])})
+    )
+    alone.residuals = lambda _: residuals[1:]
+    assert worst_over_nominal(alone, None) == 0.0

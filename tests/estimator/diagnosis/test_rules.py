@@ -491,6 +491,7 @@ def decide_on(monkeypatch, choice, **made):
         "without_fragments": (choice, None, []),
         "unnamed_law": UnnamedLaw(0.0, 0.0, 0.0, (), Place(), ""),
         "_remainder": 1.0,
+        "worst_over_nominal": 1.0,
         "_changed": False,
     }
     for name, value in (usual | made).items():
@@ -499,24 +500,27 @@ def decide_on(monkeypatch, choice, **made):
 
 
 @pytest.mark.parametrize(
-    ("left", "doubt", "probability", "changed"),
+    ("left", "worst", "doubt", "probability", "changed"),
     [
-        (2.0, None, 0.1, True),
-        (1.0, (0.0, 0.2), 0.9, True),
-        (1.0, (0.0, 0.2), 0.1, False),
-        (1.0, (0.5, 0.2), 0.9, False),
-        (1.0, (0.0, 0.05), 0.9, False),
+        (2.0, 1.0, None, 0.1, True),
+        (1.0, 20.0, None, 0.1, True),
+        (1.0, 10.0, None, 0.1, False),
+        (1.0, 1.0, (0.0, 0.2), 0.9, True),
+        (1.0, 1.0, (0.0, 0.2), 0.1, False),
+        (1.0, 1.0, (0.5, 0.2), 0.9, False),
+        (1.0, 1.0, (0.0, 0.05), 0.9, False),
     ],
 )
 def test_something_unknown_is_reported_where_much_is_left_or_a_sign_is_likelier_than_not(
-    monkeypatch, left, doubt, probability, changed
+    monkeypatch, left, worst, doubt, probability, changed
 ):
     plain = chosen()
     if doubt is not None:
         alarm, low = doubt
         turned_down = candidate(fit_of("tip_payload", 0.02), 20.0), judgement(gain_ci95=(low, 0.9))
         plain = ChosenEffects((), None, alarm, turned_down)
-    decision = decide_on(monkeypatch, plain, _remainder=left, unnamed_probability=probability)
+    signs = {"_remainder": left, "worst_over_nominal": worst}
+    decision = decide_on(monkeypatch, plain, **signs, unnamed_probability=probability)
     assert decision.changed is changed
 
 

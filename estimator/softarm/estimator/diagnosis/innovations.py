@@ -33,6 +33,28 @@ def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[
     ]
 
 
+def worst_over_nominal(search: Search, fit: Fit | None) -> float:
+    """Return the error of the worst stretch in question over that of the worst nominal one.
+
+    Of each stretch it is the largest root mean square of a channel, over what the calibrated model errs by
+    there. It takes no notice of how large the mismatch is, with which the weights of the search decline: a
+    wall that buckles once is a small part of all recordings, and an error of many degrees. Stretches for the
+    report decide nothing. Without nominal recordings it is 0.
+    """
+    found = residuals_of(search, fit, learnt_coefficients(search, fit))
+    usual = residuals_of(search, None, search.prior.mean)
+    worst = {True: 0.0, False: 0.0}
+    for stage, own, known in zip(search.evidence.stages, found, usual, strict=True):
+        session = stage.session
+        squares = ((known if session.nominal else own) / _assumed(search, stage)) ** 2
+        for block in np.unique(session.blocks[~session.reported]):
+            seen = squares[session.blocks == block]
+            seen = seen[:, np.isfinite(seen).any(axis=0)]
+            largest = float(np.sqrt(np.nanmean(seen, axis=0).max(initial=0.0)))
+            worst[session.nominal] = max(worst[session.nominal], largest)
+    return worst[False] / worst[True] if worst[True] > 0.0 else 0.0
+
+
 def before_and_after(search: Search, fit: Fit | None) -> tuple[list[Floats], list[Floats]]:
     """Compute measured minus predicted as the model was known before, and with all findings.
 
