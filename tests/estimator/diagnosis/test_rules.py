@@ -740,3 +740,16 @@ def test_a_law_alone_shows_that_something_is_missing_if_it_is_probable(monkeypat
     decision = decide_on(monkeypatch, chosen(), unnamed_law=law, unnamed_probability=probability)
     assert decision.changed is changed
     assert decision.law == (replace(law, probability=probability) if changed else None)
+
+
+@pytest.mark.parametrize(("probability", "stays"), [(0.4, True), (0.8, False)])
+def test_names_that_are_less_likely_than_a_slight_law_are_withdrawn(monkeypatch, probability, *, stays: bool):
+    """Of two explanations that both are hardly more than nothing, neither is stated."""
+    slight = UnnamedLaw(0.5 * CERTAIN, 0.4 * CERTAIN, probability, ("tip_payload",), Place(), "")
+    payload = chosen(fit_of("tip_payload", 0.002), gain=12.0)
+    made = {"without_fragments": (payload, payload.fit, []), "unnamed_law": slight}
+    decision = decide_on(monkeypatch, payload, **made)
+    assert decision.law is None
+    assert (decision.choice.fit is not None) is stays
+    assert decision.dropped == (() if stays else ("tip_payload",))
+    assert decision.verdict(explained=stays) == ("explained" if stays else "consistent")

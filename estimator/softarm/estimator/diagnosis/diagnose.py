@@ -300,7 +300,11 @@ def decide(search: Search) -> Decision:
     if law is not None and not found:
         probability, asked = unnamed_probability(search, CHANGED), True
         law = replace(law, probability=probability) if probability >= CREDIBLE else None
-    if law is not None:
+    withdrawn = [*unproven, *fragments]
+    likelier = found and probability > LIKELIER
+    if likelier and law is None:  # neither it nor what it is likelier than is certain
+        withdrawn += unnamed.nearest
+    if likelier or law is not None:
         choice, sizes = replace(choice, accepted=(), fit=None), None
     remainder = _remainder(search, choice)
     more_is_left = remainder > STRUCTURE or worst_over_nominal(search, choice.fit) > OUTLYING
@@ -308,7 +312,7 @@ def decide(search: Search) -> Decision:
     if law is None and not found and (changed or _is_doubtful(choice)):
         probability = probability if asked else unnamed_probability(search, CHANGED)
         changed = more_is_left or probability > LIKELIER
-    return Decision(replace(choice, fit=sizes), (*unproven, *fragments), law, probability, remainder, changed)
+    return Decision(replace(choice, fit=sizes), tuple(withdrawn), law, probability, remainder, changed)
 
 
 def _is_doubtful(choice: ChosenEffects) -> bool:
