@@ -28,8 +28,8 @@ from softarm.estimator.specimen import load_specimen
 PACKAGE = "softarm.estimator.diagnosis"
 OF_THE_NOISE = ("evidence", "nominal")
 OF_THE_CHOICE = (
-    "choose", "candidates", "judge", "probability", "screen", "law_error", "sizes", "unnamed", "conclude",
-    "diagnose",
+    "choose", "candidates", "judge", "excursions", "probability", "screen", "law_error", "sizes", "unnamed",
+    "conclude", "diagnose",
 )  # fmt: skip
 """Modules whose constants decide: before anything is fitted, and after."""
 OF_THE_FITS = frozenset({"MOST_SURPRISE", "ALIKE", "EXACT_STEPS"})

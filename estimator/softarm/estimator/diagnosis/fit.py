@@ -393,13 +393,8 @@ class Parametrisation:
     @property
     def spreads(self) -> Floats:
         """Spread of the priors; those of amplitudes are wide, so that only the data speak of size."""
-        spreads = [
-            p.spread
-            if p.transform == "log"
-            else (0.0 if p.choices else 10.0 if p.role == "amplitude" else 3.0) * p.spread / p.scale
-            for p in self.parameters
-        ]
-        return np.asarray(np.maximum(np.array(spreads), 1e-3), dtype=np.float64)
+        spreads: Floats = np.maximum(np.array([_spread(p) for p in self.parameters]), 1e-3)
+        return spreads
 
     def penalty(self, values: Floats) -> float:
         """Return the cost of values beforehand."""
@@ -421,3 +416,12 @@ class Parametrisation:
         near = np.minimum(np.where(rigid, np.inf, values - self.lower), self.upper - values) < 1e-6
         neutral = np.abs(values - self.centres) < 1e-6
         return bool((near & ~neutral & self.amplitudes).any())
+
+
+def _spread(parameter: ParameterSpec) -> float:
+    """Return the spread of a parameter's prior in units of the fit; none of a choice, which no fit moves."""
+    if parameter.choices:
+        return 0.0
+    if parameter.transform == "log":
+        return parameter.spread
+    return (10.0 if parameter.role == "amplitude" else 3.0) * parameter.spread / parameter.scale
