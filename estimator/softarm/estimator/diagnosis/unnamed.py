@@ -62,8 +62,8 @@ BEND = "pose"
 LIKELIER = 0.5
 """Probability above which something unknown is reported: whoever acts on less errs more often than not."""
 OWN_PART = 0.5
-"""Share of what only the law explains that only the names must explain. In 4 trials with foreign physics it was
-0.01 to 0.4, in 13 in which effects of the library acted 1 and more."""
+"""Share of what only the law explains that only the names must explain. It was 0.01 to 0.4 in four trials
+with foreign physics, and 1 and more in thirteen in which effects of the library acted."""
 POINTS = 300
 """States at which the process is known, spread over all recordings in question."""
 
