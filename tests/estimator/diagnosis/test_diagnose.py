@@ -104,11 +104,11 @@ def test_a_weak_chamber_is_found_without_an_axis_of_a_sensor(weak_sessions: list
 def test_a_name_is_as_probable_as_that_it_is_in_the_library(
     monkeypatch: pytest.MonkeyPatch, weak_sessions: list[Session], weak: DiagnosisOutcome
 ) -> None:
-    law = UnnamedLaw(0.0, 1.0, 0.75, ("chamber_gain",), Place(), "")
+    law = UnnamedLaw(0.0, 1.0, 0.4, ("chamber_gain",), Place(), "")
     monkeypatch.setattr(whole, "unnamed_law", lambda *_: law)
     (shared,), (alone,) = _diagnose(weak_sessions).diagnosis.findings, weak.diagnosis.findings
     assert alone.probability is not None
-    assert shared.probability == pytest.approx(0.25 * alone.probability, abs=0.02)
+    assert shared.probability == pytest.approx(0.6 * alone.probability, abs=0.02)
 
 
 def test_recordings_in_question_are_kept_with_poses_and_residuals(weak: DiagnosisOutcome) -> None:
