@@ -121,9 +121,8 @@ def includes(richer: Fit, plain: Fit) -> bool:
     """Return whether a fitted law states another one at its place: as a part distinguishable from zero."""
     hypothesis, other = richer.hypotheses[-1], plain.hypotheses[-1]
     for parameter, value, significant in _parts(richer):
-        name, sign = parameter.alone or ("", 0.0)
-        if name == other.name and hypothesis.place == other.place:
-            return significant and sign * value * float(plain.thetas[-1][0]) > 0.0
+        if parameter.alone == other.name and hypothesis.place == other.place:
+            return significant and value * float(plain.thetas[-1][0]) > 0.0
     return False
 
 
@@ -133,7 +132,7 @@ def restates(richer: Fit, plain: Fit) -> bool:
     return includes(richer, plain) and not any(
         significant
         for parameter, _, significant in _parts(richer)
-        if parameter.role == "amplitude" and (parameter.alone or ("",))[0] != name
+        if parameter.role == "amplitude" and parameter.alone != name
     )
 
 
@@ -144,7 +143,7 @@ def stated_alone(fit: Fit, number: int) -> tuple[EffectName, float] | None:
     """
     telling = [(p, v) for p, v, significant in _parts(fit, number) if p.role == "amplitude" and significant]
     alone = telling[0][0].alone if len(telling) == 1 else None
-    return None if alone is None else (alone[0], alone[1] * telling[0][1])
+    return None if alone is None else (alone, telling[0][1])
 
 
 def _parts(fit: Fit, number: int | None = None) -> Iterator[tuple[ParameterSpec, float, bool]]:

@@ -352,6 +352,8 @@ class Search:
         """
         search_p = float((null >= candidate.delta_bic).mean())
         judgement = judge(self.predicted(candidate, fit), self.rng, search_p, candidate.delta_bic)
+        if not judgement.accepted:
+            return judgement
         seen = excursions_of(self.weighted_squares(candidate))
         if not seen.once:
             return judgement

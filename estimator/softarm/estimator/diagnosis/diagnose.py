@@ -301,11 +301,10 @@ def decide(search: Search) -> Decision:
         probability, asked = unnamed_probability(search, CHANGED), True
         law = replace(law, probability=probability) if probability >= CREDIBLE else None
     withdrawn = [*unproven, *fragments]
-    likelier = found and probability > LIKELIER
-    if likelier and law is None:  # neither it nor what it is likelier than is certain
-        withdrawn += unnamed.nearest
-    if likelier or law is not None:
+    if found and probability > LIKELIER:
         choice, sizes = replace(choice, accepted=(), fit=None), None
+        if law is None:  # neither it nor what it is likelier than is certain
+            withdrawn += unnamed.nearest
     remainder = _remainder(search, choice)
     more_is_left = remainder > STRUCTURE or worst_over_nominal(search, choice.fit) > OUTLYING
     changed = law is not None or more_is_left or _changed(search, choice)

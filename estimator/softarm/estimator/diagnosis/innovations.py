@@ -46,11 +46,9 @@ def worst_over_nominal(search: Search, fit: Fit | None) -> float:
     worst = {True: 0.0, False: 0.0}
     for stage, own, known in zip(search.evidence.stages, found, usual, strict=True):
         session = stage.session
-        squares = ((known if session.nominal else own) / _assumed(search, stage)) ** 2
+        errors = (known if session.nominal else own) / _assumed(search, stage)
         for block in np.unique(session.blocks[~session.reported]):
-            seen = squares[session.blocks == block]
-            seen = seen[:, np.isfinite(seen).any(axis=0)]
-            largest = float(np.sqrt(np.nanmean(seen, axis=0).max(initial=0.0)))
+            largest = float(_rms(errors[session.blocks == block]).max())
             worst[session.nominal] = max(worst[session.nominal], largest)
     return worst[False] / worst[True] if worst[True] > 0.0 else 0.0
 
@@ -158,12 +156,10 @@ def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
         session = stage.session
         if session.nominal:
             continue
-        squares = np.stack([residuals[number], residuals[number] / _assumed(search, stage)]) ** 2
+        errors = np.stack([residuals[number], residuals[number] / _assumed(search, stage)])
         for block in np.unique(session.blocks):
             in_block = session.blocks == block
-            finite = np.isfinite(squares[:, in_block])
-            sums = np.where(finite, squares[:, in_block], 0.0).sum(axis=1)
-            rms, standardised = np.sqrt(sums / np.maximum(finite.sum(axis=1), 1))
+            rms, standardised = _rms(errors[:, in_block])
             row = int(np.argmax(standardised))
             time = session.clock[in_block] - session.clock[0]
             if worst is None or standardised[row] > worst[0]:
@@ -183,6 +179,14 @@ def _questioned(search: Search) -> Iterator[tuple[int, Stage]]:
 def _assumed(search: Search, stage: Stage) -> Floats:
     """Return the standard deviation that the choice assumed, whatever the residual, shape (samples, rows)."""
     return stage.error_std(search.weights.stds(channels(stage.suite)))
+
+
+def _rms(errors: Floats) -> Floats:
+    """Return the root mean square of what is not lost along the samples, shape (..., samples, rows); or 0."""
+    finite = np.isfinite(errors)
+    squares = np.where(finite, errors**2, 0.0).sum(axis=-2)
+    rms: Floats = np.sqrt(squares / np.maximum(finite.sum(axis=-2), 1))
+    return rms
 
 
 def _mean(parts: Sequence[Floats]) -> float:

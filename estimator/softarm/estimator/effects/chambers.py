@@ -138,7 +138,7 @@ LINE_LEAK = Effect(
     hook="pressure",
     parameters=(
         ParameterSpec("share", "1", 0.1, 0.0, 0.95, spread=0.1),
-        ParameterSpec("line", "s", 0.3, 0.0, 20.0, spread=0.5, alone=("line_lag", 1.0)),
+        ParameterSpec("line", "s", 0.3, 0.0, 20.0, spread=0.5, alone="line_lag"),
         ParameterSpec("time_constant", "s", 5.0, 0.01, 500.0, "shape", "log", spread=2.5),
     ),
     places=whole_and_chambers,

@@ -76,8 +76,7 @@ class ParameterSpec:
             that may be far above that of the arm, for its yielding is what shows.
         spread: Standard deviation of the prior, about 0 for a linear amplitude, else about ``typical``, in
             the unit or, on the log scale, in natural logarithms.
-        alone: Plainer effect that this amplitude is by itself, and the sign of that effect's amplitude
-            where this one is positive.
+        alone: Plainer effect of the same amplitude that this one is by itself.
         dissipates: Whether a material with less than none of it would give off energy.
         periodic: Whether it is a direction: a fit may go once around, its value is from -pi to pi.
         least_drawn: Lower bound where no recording shows the arm in its known state: what a drawing of it can
@@ -93,7 +92,7 @@ class ParameterSpec:
     role: Literal["amplitude", "shape"] = "amplitude"
     transform: Literal["linear", "log", "inverse"] = "linear"
     spread: float = 1.0
-    alone: tuple[EffectName, float] | None = None
+    alone: EffectName | None = None
     dissipates: bool = False
     periodic: bool = False
     least_drawn: float | None = None
