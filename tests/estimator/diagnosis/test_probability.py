@@ -10,8 +10,9 @@ from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.probability import (
     CREDIBLE,
     credible_set,
+    groups_of_alike,
     pseudo_bma,
-    shared_among_alike,
+    shared,
 )
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import Place
@@ -58,14 +59,14 @@ def fitted(name: str, gain: float, place: Place) -> Candidate:
 
 
 @pytest.mark.parametrize(
-    ("rival", "gain", "shared"),
+    ("rival", "gain", "alike"),
     [("line_leak", 101.0, True), ("line_leak", 110.0, False), ("line_lag", 100.0, False)],
 )
-def test_of_one_class_what_fits_alike_is_as_likely(rival: str, gain: float, shared: bool) -> None:
+def test_of_one_class_what_fits_alike_is_as_likely(rival: str, gain: float, alike: bool) -> None:
     where = Place(chamber=1)
     field = [fitted("chamber_gain", 100.0, where), fitted(rival, gain, where)]
-    expected = [0.5, 0.5] if shared else [0.95, 0.05]
-    assert shared_among_alike(field, np.array([0.95, 0.05])) == pytest.approx(expected)
+    expected = [0.5, 0.5] if alike else [0.95, 0.05]
+    assert shared(np.array([0.95, 0.05]), groups_of_alike(field)) == pytest.approx(expected)
 
 
 def test_a_credible_set_holds_the_likeliest_and_no_more_than_needed():

@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis import diagnose, sizes
+from softarm.estimator.diagnosis import conclude, diagnose, sizes
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
     MOST_SURPRISE,
@@ -22,7 +22,7 @@ from softarm.estimator.diagnosis.candidates import (
     surprise,
 )
 from softarm.estimator.diagnosis.choose import DELAY_SHARE, SECOND, Search
-from softarm.estimator.diagnosis.conclude import lost_by_chance, unproven
+from softarm.estimator.diagnosis.conclude import lost_by_chance, unproven, without_improbable
 from softarm.estimator.diagnosis.diagnose import Decision
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Folds
@@ -496,6 +496,7 @@ def decide_on(monkeypatch, choice, **made):
     }
     for name, value in (usual | made).items():
         monkeypatch.setattr(diagnose, name, lambda *_, value=value: value)
+    monkeypatch.setattr(diagnose, "without_improbable", lambda _, choice, sizes: (choice, sizes, []))
     return diagnose.decide(cast("Any", None))
 
 
@@ -753,3 +754,53 @@ def test_names_that_are_less_likely_than_a_slight_law_are_withdrawn(monkeypatch,
     assert (decision.choice.fit is not None) is stays
     assert decision.dropped == (() if stays else ("tip_payload",))
     assert decision.verdict(explained=stays) == ("explained" if stays else "consistent")
+
+
+@pytest.mark.parametrize(
+    ("rival", "fits_worse_by", "several", "stays"),
+    [
+        ("line_lag", 0.0, True, False),
+        ("line_lag", 0.0, False, True),
+        ("line_lag", 40.0, True, True),
+        ("line_leak", 0.0, True, True),
+    ],
+)
+def test_of_several_effects_one_that_is_no_likelier_than_a_rival_is_withdrawn(
+    monkeypatch, rival, fits_worse_by, *, several, stays
+):
+    """A leak that ends at once is a lost gain under another name: it is no reason to withdraw the gain."""
+    place = Place(chamber=0)
+    gain = replace(fit_of("chamber_gain", 0.1), hypotheses=(hypothesis("chamber_gain", place),))
+    theta = np.array([parameter.typical for parameter in EFFECTS[rival].parameters])
+    other = Fit((hypothesis(rival, place),), (theta,), np.eye(len(theta)), gain.gain)
+    payload = candidate(fit_of("tip_payload", 0.02), 1000.0, 2)
+    field = (candidate(gain, 100.0, 0), candidate(other, 100.0, 1))
+    none, price = np.full(5, 400.0), 5.0
+    gains = {0: 200.0, 1: 200.0 - fits_worse_by + price * (len(theta) - 1), 2: 1000.0}
+    chosen_effects = [Accepted(field[0], judgement(), field)]
+    if several:
+        chosen_effects.append(Accepted(payload, judgement(), (payload,)))
+    fit = gain.joined(payload.fit) if several else gain
+
+    def without(choice, dropped):
+        kept = [k for k in range(len(choice.accepted)) if k not in dropped]
+        return replace(
+            choice, accepted=tuple(choice.accepted[k] for k in kept), fit=choice.fit.selected(kept)
+        )
+
+    search = SimpleNamespace(
+        rng=np.random.default_rng(0),
+        bic_penalty=price,
+        evidence=SimpleNamespace(
+            library=Library(tuple(one.fit.hypotheses[0] for one in (*field, payload)), ())
+        ),
+        predicted=lambda one, _: FoldCosts(none, none, none, none, np.full(5, gains[one.number] / 5.0)),
+        subset=lambda fit, kept: fit.selected(kept) if kept else None,
+        without=without,
+    )
+    monkeypatch.setattr(conclude, "without_fragments", lambda _, choice: (choice, choice.fit, []))
+    choice = ChosenEffects(tuple(chosen_effects), fit, 0.0, None)
+    kept, sizes, dropped = without_improbable(cast("Any", search), choice, fit)
+    assert dropped == ([] if stays else ["chamber_gain"])
+    assert kept.accepted == (choice.accepted if stays else choice.accepted[1:])
+    assert sizes is kept.fit

@@ -34,7 +34,7 @@ from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN, FoldCosts, Judg
 from softarm.estimator.diagnosis.natural_frequency import NaturalFrequency
 from softarm.estimator.diagnosis.nominal import UNKNOWN, background_of, usual_recordings
 from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, added, total
-from softarm.estimator.diagnosis.probability import probabilities, spent
+from softarm.estimator.diagnosis.probability import BARE, probabilities, spent
 from softarm.estimator.diagnosis.screen import null_scores, screen
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
@@ -51,8 +51,6 @@ SECOND = 0.5
 """Share of an accepted effect's gain that decides for another one so."""
 DELAY_SHARE = 0.05
 """Share of the gain of an effect on the vibration below which a delay is its consequence."""
-BARE = 3.2
-"""Odds that are not worth more than a bare mention (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773)."""
 TINY = 1e-12
 """Least weighted squares of a change."""
 EXACT_STEPS = 6

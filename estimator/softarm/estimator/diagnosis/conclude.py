@@ -1,7 +1,7 @@
 """From a search to findings in words: evidence on held-out data, rivals, what is left and where."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,10 +21,12 @@ from softarm.estimator.diagnosis.innovations import (
 from softarm.estimator.diagnosis.judge import bootstrap
 from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 from softarm.estimator.diagnosis.probability import (
+    BARE,
     Explanation,
     credible_set,
+    groups_of_alike,
     probabilities,
-    shared_among_alike,
+    shared,
 )
 from softarm.estimator.diagnosis.result import (
     ChannelErrors,
@@ -38,6 +40,7 @@ from softarm.estimator.diagnosis.result import (
     Unexplained,
 )
 from softarm.estimator.diagnosis.session import channels
+from softarm.estimator.diagnosis.sizes import without_fragments
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
 from softarm.estimator.diagnosis.words import dependence, manoeuvre, sentence_on
@@ -294,6 +297,74 @@ def _marginaliser(search: Search, parts: Sequence[NormalEquations]) -> Marginali
     return Marginaliser.of(total(parts, search.evidence.size), search.prior, fraction)
 
 
+@dataclass(frozen=True)
+class Explanations:
+    """How probable each of some effects is to explain what the other findings leave.
+
+    Args:
+        each: The probability of each.
+        acts: That the accepted one acts: alone, or as part of a richer law.
+        or_alike: That it acts, or another one that the recordings fit alike.
+    """
+
+    each: Mapping[Explanation, float]
+    acts: float
+    or_alike: float
+
+    @classmethod
+    def of(cls, search: Search, choice: ChosenEffects, index: int) -> "Explanations":
+        """Weigh an accepted effect against its rivals, beside the other accepted ones."""
+        fit, accepted = choice.fit, choice.accepted[index]
+        assert fit is not None
+        others = [k for k in range(len(fit.thetas)) if k != index]
+        taken = {choice.accepted[k].candidate.number for k in others}
+        field = [one for one in accepted.field if one.number not in taken and not one.fit.at_bound]
+        rest = search.subset(fit, others)
+        costs = [search.predicted(one, rest) for one in field]
+        weights = probabilities(field, costs, search.bic_penalty, search.rng)
+        groups = groups_of_alike(field)
+        each: dict[Explanation, float] = {}
+        for one, weight in zip(field, shared(weights, groups).tolist(), strict=True):
+            hypothesis = search.evidence.library.hypotheses[one.number]
+            key = (hypothesis.name, hypothesis.place)
+            each[key] = each.get(key, 0.0) + weight
+        own = accepted.candidate
+        same = np.array([one.number == own.number for one in field], dtype=bool)
+        acts = same | [includes(one.fit, own.fit) for one in field]
+        alike = acts | np.isin(groups, groups[same])
+        in_shares = float(shared(weights, groups)[acts].sum())
+        return cls(each, min(in_shares, 1.0), min(float(weights[alike].sum()), 1.0))
+
+
+def without_improbable(
+    search: Search, choice: ChosenEffects, sizes: Fit | None
+) -> tuple[ChosenEffects, Fit | None, list[EffectName]]:
+    """Of several effects, take back those that are no likelier than their rivals, and size the others anew.
+
+    What the law of a stronger effect leaves always has a likeliest name. A single effect stays, with its
+    rivals: something acts.
+
+    Args:
+        search: The search.
+        choice: What it accepted.
+        sizes: The same effects with their sizes; ``None`` where there are none.
+
+    Returns:
+        What is left of the choice, its sizes, and the names of what was taken back.
+    """
+    dropped: list[EffectName] = []
+    while sizes is not None and len(choice.accepted) > 1:
+        sized = replace(choice, fit=sizes)
+        probable = [Explanations.of(search, sized, k).or_alike for k in range(len(choice.accepted))]
+        weakest = int(np.argmin(probable))
+        if probable[weakest] > BARE * (1.0 - probable[weakest]):
+            break
+        dropped.append(sizes.hypotheses[weakest].name)
+        choice, sizes, fragments = without_fragments(search, search.without(choice, [weakest]))
+        dropped += fragments
+    return choice, sizes, dropped
+
+
 def findings_of(search: Search, choice: ChosenEffects, unnamed: float) -> tuple[Finding, ...]:
     """Describe every accepted effect with its evidence; the one that explains most comes first.
 
@@ -368,8 +439,8 @@ def _finding(
     low, high = accepted.judgement.gain_ci95
     if len(predictions.before) > 1:
         low, high = bootstrap(search.rng, predictions.before, predictions.after)
-    probable, acts = _probable(search, choice, index)
-    rivals, rejected = _rivals(search, accepted, probable)
+    explanations = Explanations.of(search, choice, index)
+    rivals, rejected = _rivals(search, accepted, explanations.each)
     when = effect.when
     statement = f"{effect.sentence(theta, hypothesis.place)} {sentence_on(when)}"
     return Finding(
@@ -392,36 +463,8 @@ def _finding(
         confusable_with=rivals,
         rejected=rejected,
         exposure=_exposure(search, choice, index),
-        probability=acts * (1.0 - unnamed),
+        probability=explanations.acts * (1.0 - unnamed),
     )
-
-
-def _probable(search: Search, choice: ChosenEffects, index: int) -> tuple[dict[Explanation, float], float]:
-    """Return how probable it is that each of some effects explains what the other findings leave.
-
-    Returns:
-        The probability of each, and of the accepted one to act: alone, or as part of a richer law.
-    """
-    fit = choice.fit
-    assert fit is not None
-    others = [k for k in range(len(fit.thetas)) if k != index]
-    taken = {choice.accepted[k].candidate.number for k in others}
-    field = [one for one in choice.accepted[index].field if one.number not in taken and not one.fit.at_bound]
-    rest = search.subset(fit, others)
-    costs = [search.predicted(one, rest) for one in field]
-    weights = shared_among_alike(field, probabilities(field, costs, search.bic_penalty, search.rng))
-    probable: dict[Explanation, float] = {}
-    for one, weight in zip(field, weights.tolist(), strict=True):
-        hypothesis = search.evidence.library.hypotheses[one.number]
-        key = (hypothesis.name, hypothesis.place)
-        probable[key] = probable.get(key, 0.0) + weight
-    own = choice.accepted[index].candidate
-    acts = sum(
-        weight
-        for one, weight in zip(field, weights.tolist(), strict=True)
-        if one.number == own.number or includes(one.fit, own.fit)
-    )
-    return probable, min(acts, 1.0)
 
 
 def _rivals(

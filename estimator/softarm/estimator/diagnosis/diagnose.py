@@ -18,6 +18,7 @@ from softarm.estimator.diagnosis.conclude import (
     heldout_result,
     proven,
     unknown,
+    without_improbable,
 )
 from softarm.estimator.diagnosis.detection import detection_limits
 from softarm.estimator.diagnosis.events import EventErrors, event_errors
@@ -294,13 +295,14 @@ def decide(search: Search) -> Decision:
     """Choose the effects that are reported, and return whether something else is missing."""
     choice, unproven = proven(search)
     choice, sizes, fragments = without_fragments(search, choice)
+    choice, sizes, improbable = without_improbable(search, choice, sizes)
     unnamed = unnamed_law(search, choice.fit)
     law, probability = unnamed if unnamed.outdoes else None, unnamed.probability
     found, asked = choice.fit is not None, False
     if law is not None and not found:
         probability, asked = unnamed_probability(search, CHANGED), True
         law = replace(law, probability=probability) if probability >= CREDIBLE else None
-    withdrawn = [*unproven, *fragments]
+    withdrawn = [*unproven, *fragments, *improbable]
     if found and probability > LIKELIER:
         choice, sizes = replace(choice, accepted=(), fit=None), None
         if law is None:  # neither it nor what it is likelier than is certain

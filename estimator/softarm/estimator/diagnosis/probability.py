@@ -13,6 +13,7 @@ posterior: Miller and Dunson, J. Am. Stat. Assoc. 114 (2019) 1113): no sureness 
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.special import softmax
 
@@ -25,6 +26,8 @@ Explanation = tuple[EffectName, Place]
 
 CREDIBLE = 0.95
 """Probability, together, of the explanations that data cannot distinguish: the convention for intervals."""
+BARE = 3.2
+"""Odds that are not worth more than a bare mention (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773)."""
 COARSE = ALIKE / ALIKE_SHARE
 """Gain in cost from which a hundredth of it counts as little as it should, a."""
 DRAWS = 2000
@@ -48,26 +51,23 @@ def probabilities(
     return pseudo_bma(densities * COARSE / (COARSE + gain), rng)[:-1]
 
 
-def shared_among_alike(candidates: Sequence[Candidate], weights: Floats) -> Floats:
-    """Share probability among candidates of one structural class that fit the recordings equally well.
+def groups_of_alike(candidates: Sequence[Candidate]) -> NDArray[np.int_]:
+    """Return which group of candidates that the recordings fit alike each one is of, shape (candidates,).
 
-    A lost gain is a leak that has reached its end at once. Where the recordings fit both alike, the one with
-    fewer parameters is simpler, but nothing that was recorded makes it likelier.
-
-    Args:
-        candidates: What was fitted.
-        weights: How probable each is, shape (candidates,).
-
-    Returns:
-        The same where nothing is alike, shape (candidates,).
+    They are of one structural class: a lost gain is a leak that has reached its end at once. Where the
+    recordings fit both alike, the one with fewer parameters is simpler, but nothing makes it likelier.
     """
     gains = np.array([one.fit.gain for one in candidates])
     classes = [frozenset(one.fit.hypotheses[-1].effect.equivalence) for one in candidates]
     related = np.array([[bool(own & other) for other in classes] for own in classes])
     alike = (np.abs(gains[:, None] - gains) < ALIKE) & related
-    _, groups = connected_components(alike, directed=False)
-    shared: Floats = (np.bincount(groups, weights) / np.bincount(groups))[groups]
-    return shared
+    return np.asarray(connected_components(alike, directed=False)[1], dtype=np.int_)
+
+
+def shared(weights: Floats, groups: NDArray[np.int_]) -> Floats:
+    """Share probability within each group, shape (candidates,)."""
+    each: Floats = (np.bincount(groups, weights) / np.bincount(groups))[groups]
+    return each
 
 
 def density(candidate: Candidate, costs: FoldCosts, bic_penalty: float) -> Floats:
