@@ -31,6 +31,13 @@ def test_a_rigid_motion_is_recovered(arm_of: ArmOf, kind: str) -> None:
     assert np.allclose(moved.positions[2], rotation @ [0.002, 0.003, 0.06] + shift, atol=1e-9)
 
 
+def test_where_a_search_has_diverged_there_are_no_frames(arm_of: ArmOf) -> None:
+    arm = arm_of("hex8")
+    poses = _fit(arm).at(np.full_like(arm.mesh.points, np.nan))
+    assert np.isnan(poses.frames.positions).all()
+    assert np.isnan(poses.frames.rotations[:2]).all()
+
+
 def test_twists_are_the_derivative_of_the_frames(arm_of: ArmOf) -> None:
     arm = arm_of("hex8")
     rng = np.random.default_rng(3)

@@ -8,7 +8,8 @@ import pytest
 from scipy.integrate import quad
 
 from softarm.estimator.arm import build_arm
-from softarm.estimator.fem.tracking import TrackingModel
+from softarm.estimator.fem.tracking import TrackingModel, TrackingState
+from softarm.estimator.fem.tracking.model import TrackingStep
 from softarm.estimator.model import Frames, Inputs, Load
 from softarm.estimator.rod.archive import shape_key, shipped_rod
 from softarm.estimator.rod.fit import adapted
@@ -132,6 +133,21 @@ def test_tracking_finds_the_same_equilibrium(arm: StretchedModel, state: Any) ->
     assert found
     there = tracking.linearise(tracked, INPUTS).frames
     np.testing.assert_allclose(there.positions, exact.positions, atol=1e-6)
+
+
+class Diverging(TrackingModel):
+    """A model whose Newton steps lead nowhere."""
+
+    def advance(self, step: TrackingStep, change: np.ndarray) -> TrackingState:
+        return TrackingState(np.full_like(step.state.displacement, np.nan), step.inputs)
+
+
+def test_a_search_that_diverges_ends_without_an_equilibrium(arm: StretchedModel) -> None:  # type: ignore[type-arg]
+    """It used to end the process that searched."""
+    lost: StretchedModel[Any, Any] = StretchedModel(Diverging(arm.model), arm.law)
+    assert not lost.solve(INPUTS, lost.rest())[1]
+    step = lost.linearise(TrackingState(np.full_like(lost.rest().displacement, np.nan), INPUTS), INPUTS)
+    assert step.residual_norm == np.inf
 
 
 def test_a_model_that_finds_its_equilibrium_is_linearised_once(

@@ -91,7 +91,7 @@ class SectionFit:
     def from_moments(self, moments: Floats) -> "SectionPoses":
         """Fit the frames to the moments of the nodes, shape (4 sections, 3).
 
-        With M = R U (polar), R is the rotation since rest.
+        With M = R U (polar), R is the rotation since rest. Where a search has diverged it is NaN.
         """
         # A section's rows: the mean, then the columns of M.
         count = len(self.offsets)
@@ -203,7 +203,8 @@ def build_slice(mesh: Mesh, height: float) -> SectionFrame:
 
 def _fit_rotations(columns: Floats, single: Flags) -> tuple[Floats, Floats]:
     """Compute R and R (tr U - U)^-1 from the columns of M = R U, shape (sections, 3, 3), by column."""
-    left, values, right = np.linalg.svd(columns.swapaxes(1, 2))
+    known = np.isfinite(columns).all(axis=(1, 2), keepdims=True)  # the decomposition of NaN raises
+    left, values, right = np.linalg.svd(np.where(known, columns, np.eye(3)).swapaxes(1, 2))
     mirrored = np.linalg.det(left @ right) < 0.0
     # A reflection fits best: the nearest rotation reverses the direction of the smallest singular value.
     left[mirrored, :, 2] *= -1.0
@@ -212,6 +213,7 @@ def _fit_rotations(columns: Floats, single: Flags) -> tuple[Floats, Floats]:
     spread = values.sum(axis=1, keepdims=True) - values
     # A single point never turns, whatever its neighbours do.
     spread[single] = np.inf
+    left = np.where(known, left, np.nan)
     since_rest = np.where(single[:, None, None], np.eye(3), left @ right)
     return since_rest, left @ (right / spread[:, :, None])
 
