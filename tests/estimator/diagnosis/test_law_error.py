@@ -45,7 +45,7 @@ def problem_of(*, of_its_own: bool) -> tuple[MarginalisedProblem, Fit]:
 
 
 @pytest.mark.parametrize("of_its_own", [True, False])
-def test_only_what_no_error_of_the_stronger_law_explains_counts(of_its_own: bool) -> None:
+def test_only_what_no_error_of_the_others_law_explains_counts(of_its_own: bool) -> None:
     problem, fit = problem_of(of_its_own=of_its_own)
     plain = gain_of(problem, fit.hypotheses, fit.thetas) - gain_of(
         problem, fit.hypotheses[:1], fit.thetas[:1]

@@ -327,19 +327,25 @@ def test_the_noise_is_learnt_by_channel_and_thinned_by_its_memory():
 
 
 @pytest.mark.parametrize(("beside", "lost"), [(0.9, True), (1.1, False)])
-def test_a_weaker_effect_has_to_explain_more_than_a_stronger_ones_law_may_leave(monkeypatch, beside, lost):
-    both = fit_of("tip_payload", 1.0).joined(fit_of("line_lag", 1.0))
-    gains, penalty = [100.0, 80.0], 5.0
+@pytest.mark.parametrize("contributions", [[100.0, 80.0], [80.0, 100.0]])
+def test_an_effect_has_to_explain_more_than_the_others_laws_may_leave(
+    monkeypatch, contributions, beside, lost
+):
+    """A force along a stiffer arm gains more than the stiffness, and little where its law may err."""
+    both, penalty = fit_of("tip_payload", 1.0).joined(fit_of("line_lag", 1.0)), 5.0
 
-    def beside_errors(_problem, fit, number, stronger):
+    def beside_errors(_problem, fit, number, erring):
         assert fit is both
-        assert (number, stronger) == (1, [0])
-        return beside * DECIDES + penalty
+        assert erring == [1 - number]
+        return (beside if number else 2.0) * DECIDES + penalty
 
     monkeypatch.setattr(sizes, "gain_beside_law_errors", beside_errors)
-    search = SimpleNamespace(contribution=lambda _, k: gains[k], problem=lambda: None, bic_penalty=penalty)
+    search = SimpleNamespace(
+        contribution=lambda _, k: contributions[k], problem=lambda: None, bic_penalty=penalty
+    )
     found = fragments(cast("Any", search), both)
     assert found == ({1: pytest.approx(beside * DECIDES)} if lost else {})
+    assert fragments(cast("Any", search), both.selected([1])) == {}
 
 
 def test_what_an_effect_adds_is_asked_beside_those_found_after_it(monkeypatch):

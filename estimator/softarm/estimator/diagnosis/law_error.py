@@ -1,10 +1,9 @@
-"""What a weaker effect explains that the error of stronger ones' laws does not.
+"""What an effect explains that the errors of other effects' laws do not.
 
 No law is exact: of what an effect changes it gets a share wrong, which differs between recordings and
-channels. What one law leaves of a strong effect looks like a weaker second effect. So beside a stronger
-effect, which changes the prediction by f, each recording and channel may have any multiple d f of that, with
-d normal about 0 with standard deviation ``SHARE``: columns as those of the common coefficients, and
-marginalised with them.
+channels. What one law leaves of a strong effect looks like a second effect. So beside an effect that changes
+the prediction by f, each recording and channel may have any multiple d f of that, with d normal about 0 with
+standard deviation ``SHARE``: columns as those of the common coefficients, and marginalised with them.
 """
 
 from collections.abc import Sequence
@@ -20,20 +19,20 @@ named effects leave, median over the single effects of blind trials (``bench dia
 
 
 def gain_beside_law_errors(
-    problem: MarginalisedProblem, fit: Fit, number: int, stronger: Sequence[int]
+    problem: MarginalisedProblem, fit: Fit, number: int, erring: Sequence[int]
 ) -> float:
-    """Return by how much an effect of a fit lowers the cost where the laws of stronger ones err.
+    """Return by how much an effect of a fit lowers the cost where the laws of others err.
 
     Args:
         problem: What the effects were fitted to.
         fit: All effects; the others stay as they are, but for the error of their laws.
         number: The effect.
-        stronger: The effects whose laws err.
+        erring: The effects whose laws err.
     """
     others = [k for k in range(len(fit.thetas)) if k != number]
     whole, rest = _changes(problem, fit, range(len(fit.thetas))), _changes(problem, fit, others)
-    errors = [_changes(problem, fit, [k]) for k in stronger]
-    count = sum(recorded.left.shape[1] for recorded in problem.residuals) * len(stronger)
+    errors = [_changes(problem, fit, [k]) for k in erring]
+    count = sum(recorded.left.shape[1] for recorded in problem.residuals) * len(erring)
     columns, first = [], 2
     for recording, recorded in enumerate(problem.residuals):
         own = np.zeros((recorded.left.size, 2 + count))

@@ -56,7 +56,7 @@ Singles = NDArray[np.float32]
 UNBIASED = 1e-3
 """Share of its prior precision that an estimate needs where no recording determines a parameter."""
 DECIDES = 50.0
-"""Gain in the criterion beside the errors of stronger laws from which a weaker effect is none of them.
+"""Gain in the criterion beside the errors of the others' laws from which an effect is none of them.
 
 Of 14 weaker effects that acted in trials of two simulators 13 gained 58 and more; of 7 that did not 5 gained
 43 and less, and two, creep beside a law of softening that errs less now, 66 and more.
@@ -148,7 +148,7 @@ def reversed_sign(fit: Fit, other: Fit) -> bool:
 def without_fragments(
     search: Search, choice: ChosenEffects
 ) -> tuple[ChosenEffects, Fit | None, list[EffectName]]:
-    """Take back weaker effects that may be what the laws of stronger ones leave, and estimate all sizes.
+    """Take back effects that may be what the laws of the others leave, and estimate all sizes.
 
     Where an effect then states no more than a plainer one, that one is left of it. Without nominal recordings
     all effects and their sizes stay as the search found them; see ``sized``.
@@ -200,11 +200,12 @@ def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects 
 
 
 def fragments(search: Search, fit: Fit) -> dict[int, float]:
-    """Find effects that may be what the law of a stronger one leaves, or what another one says as well.
+    """Find effects that may be what the laws of the others leave, or what another one says as well.
 
-    Beside the errors of the laws of those that explain more, and fitted again without it, they gain less than
-    ``DECIDES``. What an effect gained before the others were known says nothing here: a payload may first
-    have been taken for a denser arm.
+    Beside the errors of all other laws, or fitted again without it, they gain less than ``DECIDES``. What an
+    effect gained before the others were known says nothing here: a payload may first have been taken for a
+    denser arm. Nor does it matter which gains more: where a stiffer segment stretches more than its law says,
+    a force along the arm gained more than the stiffness, which the force had taken the most of.
 
     Args:
         search: The search that chose them.
@@ -213,12 +214,12 @@ def fragments(search: Search, fit: Fit) -> dict[int, float]:
     Returns:
         What each of them gains, by its number.
     """
-    gains = np.array([search.contribution(fit, k) for k in range(len(fit.thetas))])
+    every = range(len(fit.thetas))
     problem, found = search.problem(), {}
-    for number in np.flatnonzero(gains < gains.max()).tolist():
-        stronger = np.flatnonzero(gains > gains[number]).tolist()
-        gain = gain_beside_law_errors(problem, fit, number, stronger)
-        least = min(float(gains[number]), gain - search.bic_penalty * len(fit.thetas[number]))
+    for number in every if len(fit.thetas) > 1 else ():
+        others = [k for k in every if k != number]
+        beside = gain_beside_law_errors(problem, fit, number, others)
+        least = min(search.contribution(fit, number), beside - search.bic_penalty * len(fit.thetas[number]))
         if least < DECIDES:
             found[number] = least
     return found
