@@ -345,7 +345,15 @@ def test_an_effect_has_to_explain_more_than_the_others_laws_may_leave(
     )
     found = fragments(cast("Any", search), both)
     assert found == ({1: pytest.approx(beside * DECIDES)} if lost else {})
-    assert fragments(cast("Any", search), both.selected([1])) == {}
+
+
+@pytest.mark.parametrize(("gain", "named"), [(0.9, False), (1.1, True)])
+def test_what_hardly_gains_anything_has_no_name(monkeypatch, gain, named):
+    """In two unchanged arms of 34 something was named, which gained less than that."""
+    alone = fit_of("tip_payload", 0.002)
+    monkeypatch.setattr(sizes, "gain_beside_law_errors", lambda *_: 2.0 * DECIDES)
+    search = SimpleNamespace(contribution=lambda *_: gain * DECIDES, problem=lambda: None, bic_penalty=5.0)
+    assert (fragments(cast("Any", search), alone) == {}) is named
 
 
 def test_what_an_effect_adds_is_asked_beside_those_found_after_it(monkeypatch):

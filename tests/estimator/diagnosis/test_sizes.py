@@ -219,10 +219,12 @@ def test_a_leak_that_is_not_distinguishable_from_none_is_a_late_line(monkeypatch
         return replace(own, covariance=np.diag([deviation / scales[0], 0.02 / scales[1], 1.0]) ** 2)
 
     monkeypatch.setattr(sizes, "sized", honest)
+    monkeypatch.setattr(sizes, "gain_beside_law_errors", lambda *_: 110.0)
     search = SimpleNamespace(
         refit=lambda fit: fit,
-        contribution=lambda *_: 50.0,
+        contribution=lambda *_: 90.0,
         problem=lambda *_: None,
+        bic_penalty=5.0,
         subset=lambda *_: None,
         candidate=lambda number, theta, *_: late if (number, theta.tolist()) == (1, [0.2]) else None,
         evidence=SimpleNamespace(

@@ -2,8 +2,8 @@
 
 An effect of amplitude a, alone, lowers the cost by a noncentral chi-square of noncentrality a^2 M, with M the
 information that the searched stretches hold on its amplitude once all that is common to the recordings is
-integrated out. It is accepted where this gain pays for its parameters and for a size that nobody expects,
-decides even where single recordings scatter, exceeds what the search finds in 99 % of recordings without any
+integrated out. It is named where this gain pays for its parameters and for a size that nobody expects,
+decides whether it acts at all, exceeds what the search finds in 99 % of recordings without any
 effect, and is material. With G the largest of these, sqrt(gain) scatters about a sqrt(M) by at most 1, so
 
     a = (sqrt(G) + 1.28) / sqrt(M)
@@ -18,10 +18,11 @@ import numpy as np
 from softarm.estimator.diagnosis.candidates import MOST_SURPRISE
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.gaussian import Marginal
-from softarm.estimator.diagnosis.judge import CERTAIN, FALSE_ALARM, MATERIAL, least_explainable
+from softarm.estimator.diagnosis.judge import FALSE_ALARM, MATERIAL, least_explainable
 from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.result import DetectionLimit
 from softarm.estimator.diagnosis.screen import INVISIBLE, null_scores
+from softarm.estimator.diagnosis.sizes import DECIDES
 
 POWER = 1.2816
 """Quantile of a standard normal below which nine of ten lie."""
@@ -72,7 +73,7 @@ def required_gain(bic_penalty: float, parameters: int, chance: float, explainabl
         chance: Score, after the penalty, that 99 % of searches without any effect stay below.
         explainable: What counts as explainable at least.
     """
-    return max(max(CERTAIN, chance) + bic_penalty * parameters, MATERIAL * explainable)
+    return max(max(DECIDES, chance) + bic_penalty * parameters, MATERIAL * explainable)
 
 
 def limit(information: float, gain: float, spread: float) -> float:

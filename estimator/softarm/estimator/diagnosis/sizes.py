@@ -56,10 +56,11 @@ Singles = NDArray[np.float32]
 UNBIASED = 1e-3
 """Share of its prior precision that an estimate needs where no recording determines a parameter."""
 DECIDES = 50.0
-"""Gain in the criterion beside the errors of the others' laws from which an effect is none of them.
+"""Gain in the criterion, beside the errors of the others' laws, from which an effect is none of them.
 
 Of 14 weaker effects that acted in trials of two simulators 13 gained 58 and more; of 7 that did not 5 gained
-43 and less, and two, creep beside a law of softening that errs less now, 66 and more.
+43 and less, and two, creep beside a law of softening that errs less now, 66 and more. Alone, what was named
+in unchanged arms, 2 of 34, gained 20 and 41, and of 102 right names two gained less than 50.
 """
 SPANS = 5
 """Parts of a single recording that are left out in turn."""
@@ -200,7 +201,7 @@ def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects 
 
 
 def fragments(search: Search, fit: Fit) -> dict[int, float]:
-    """Find effects that may be what the laws of the others leave, or what another one says as well.
+    """Find effects that may be what the model and the laws of the others leave, or what another one says.
 
     Beside the errors of all other laws, or fitted again without it, they gain less than ``DECIDES``. What an
     effect gained before the others were known says nothing here: a payload may first have been taken for a
@@ -216,7 +217,7 @@ def fragments(search: Search, fit: Fit) -> dict[int, float]:
     """
     every = range(len(fit.thetas))
     problem, found = search.problem(), {}
-    for number in every if len(fit.thetas) > 1 else ():
+    for number in every:
         others = [k for k in every if k != number]
         beside = gain_beside_law_errors(problem, fit, number, others)
         least = min(search.contribution(fit, number), beside - search.bic_penalty * len(fit.thetas[number]))
