@@ -31,7 +31,7 @@ def command(seconds: float, model: str, seed: int, out: Path | None, as_json: bo
     """Run a service at 100 Hz for long; count lost replies, overruns, and memory that grows.
 
     The exit status is 1 if a reply was lost, a recording cannot be read, memory grows by more than 5 %, or
-    the service ended.
+    the service or its estimator ended.
 
     Example: softarm bench soak --seconds 60
     """

@@ -86,13 +86,14 @@ class SoakResult:
     figures: dict[str, float | int | str]
 
     def sound(self, growth_percent: float) -> bool:
-        """Return whether nothing was lost and nothing grows.
+        """Return whether nothing was lost, nothing grows and no process ended.
 
         Args:
             growth_percent: Growth of memory that is allowed.
         """
         grown = max(float(v) for k, v in self.figures.items() if k.endswith("growth_percent"))
-        lost = int(self.figures["replies_lost"]) + int(self.figures["recordings_unreadable"])
+        losses = ("replies_lost", "recordings_unreadable", "estimator_restarts")
+        lost = sum(int(self.figures[name]) for name in losses)
         return lost == 0 and grown <= growth_percent and self.figures["service_ended"] == "no"
 
 
