@@ -12,7 +12,6 @@ from softarm.estimator.diagnosis import (
     candidates,
     choose,
     conclude,
-    detection,
     judge,
     nominal,
     unnamed,
@@ -35,8 +34,8 @@ def test_constants_are_listed_with_value_and_source():
 def test_a_constant_moves_wherever_it_was_imported_and_comes_back():
     before = judge.CERTAIN
     with moved(constant("judge", "CERTAIN"), 1.0 + STEP):
-        assert judge.CERTAIN == choose.CERTAIN == detection.CERTAIN == pytest.approx(1.2 * before)
-    assert judge.CERTAIN == choose.CERTAIN == detection.CERTAIN == before
+        assert judge.CERTAIN == choose.CERTAIN == unnamed.CERTAIN == pytest.approx(1.2 * before)
+    assert judge.CERTAIN == choose.CERTAIN == unnamed.CERTAIN == before
 
 
 def test_constants_of_one_name_move_apart():
