@@ -323,8 +323,9 @@ class Explanations:
         costs = [search.predicted(one, rest) for one in field]
         weights = probabilities(field, costs, search.bic_penalty, search.rng)
         groups = groups_of_alike(field)
+        shares = shared(weights, groups)
         each: dict[Explanation, float] = {}
-        for one, weight in zip(field, shared(weights, groups).tolist(), strict=True):
+        for one, weight in zip(field, shares.tolist(), strict=True):
             hypothesis = search.evidence.library.hypotheses[one.number]
             key = (hypothesis.name, hypothesis.place)
             each[key] = each.get(key, 0.0) + weight
@@ -332,8 +333,7 @@ class Explanations:
         same = np.array([one.number == own.number for one in field], dtype=bool)
         acts = same | [includes(one.fit, own.fit) for one in field]
         alike = acts | np.isin(groups, groups[same])
-        in_shares = float(shared(weights, groups)[acts].sum())
-        return cls(each, min(in_shares, 1.0), min(float(weights[alike].sum()), 1.0))
+        return cls(each, min(float(shares[acts].sum()), 1.0), min(float(weights[alike].sum()), 1.0))
 
 
 def without_improbable(
