@@ -50,7 +50,7 @@ def test_only_what_no_error_of_the_others_law_explains_counts(of_its_own: bool) 
     plain = gain_of(problem, fit.hypotheses, fit.thetas) - gain_of(
         problem, fit.hypotheses[:1], fit.thetas[:1]
     )
-    beside = gain_beside_law_errors(problem, fit, 1, [0])
+    beside = gain_beside_law_errors(problem, fit, 1)
     assert plain > 500.0
     if of_its_own:
         assert beside == pytest.approx(plain, rel=0.05)
@@ -58,9 +58,8 @@ def test_only_what_no_error_of_the_others_law_explains_counts(of_its_own: bool) 
         assert abs(beside) < 2.0 * RECORDINGS * ROWS
 
 
-def test_where_no_law_errs_the_gain_is_that_of_the_fit() -> None:
+def test_beside_no_other_effect_the_gain_is_that_of_the_fit() -> None:
     problem, fit = problem_of(of_its_own=True)
-    plain = gain_of(problem, fit.hypotheses, fit.thetas) - gain_of(
-        problem, fit.hypotheses[:1], fit.thetas[:1]
-    )
-    assert gain_beside_law_errors(problem, fit, 1, []) == pytest.approx(plain)
+    alone = fit.selected([0])
+    plain = gain_of(problem, alone.hypotheses, alone.thetas)
+    assert gain_beside_law_errors(problem, alone, 0) == pytest.approx(plain)

@@ -184,7 +184,7 @@ def test_the_weakest_of_doubtful_effects_is_taken_back_first(monkeypatch):
         )
 
     monkeypatch.setattr(sizes, "sized", lambda _, own: replace(own, gain=1.0))
-    monkeypatch.setattr(sizes, "gain_beside_law_errors", lambda _, own, k, __: gains[own.hypotheses[k].name])
+    monkeypatch.setattr(sizes, "gain_beside_law_errors", lambda _, own, k: gains[own.hypotheses[k].name])
     gained = SimpleNamespace(
         without=less,
         contribution=lambda own, k: gains[own.hypotheses[k].name],

@@ -2,15 +2,18 @@
 
 A model of walls and windings is never exact. Where nominal recordings show the arm, the error of its law is
 learnt from them as eps_i = u_i + sum_k c_ik phi_k, with phi_k the monomials up to the third degree in the
-pressures of the segment's own chambers and those of its strains that gravity shows; it has no memory, no
-clock and no other chamber in it, and it is common to all recordings, so that nothing new can hide in it.
+pressures of the segment's own chambers and those of its strains that gravity shows. Lines to other segments
+pass a segment as well, and no two chambers are quite apart: a share of each pressure acts in every chamber
+of another segment, as the calibration has it. The form has no memory and no clock in it, and it is common to
+all recordings, so that nothing new can hide in it.
 """
 
-from itertools import combinations_with_replacement
+from itertools import combinations_with_replacement, permutations
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.calibration.layout import CROSSTALK_SPREAD
 from softarm.estimator.diagnosis.stage import Stage
 
 DEGREE = 3
@@ -39,9 +42,20 @@ def form_columns(stage: Stage) -> Floats:
         for axis in range(4):
             jacobian = SPREAD * size[axis] * by_eigenstrain[..., 4 * g + axis]
             columns.append(jacobian[..., None] * features[:, None, :])
+    columns += [CROSSTALK_SPREAD * column[..., None] for column in crosstalk(stage)]
     predicted = np.nan_to_num(stage.reading_rows - stage.residual)
     late = -CLOCK * np.gradient(predicted, stage.session.clock, axis=0)
     return np.concatenate([*columns, late[..., None]], axis=-1)
+
+
+def crosstalk(stage: Stage) -> list[Floats]:
+    """Let each pressure act in every chamber of other segments, each of shape (samples, rows)."""
+    owner, pressures = stage.world.chamber_segment, stage.session.pressures
+    return [
+        stage.input_jacobian[..., acts_in] * pressures[:, comes_from, None]
+        for acts_in, comes_from in permutations(range(len(owner)), 2)
+        if owner[acts_in] != owner[comes_from]
+    ]
 
 
 def monomials(stage: Stage, segment: int) -> Floats:

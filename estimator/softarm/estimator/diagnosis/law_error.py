@@ -18,21 +18,18 @@ SHARE = 0.3
 named effects leave, median over the single effects of blind trials (``bench diagnosis``)."""
 
 
-def gain_beside_law_errors(
-    problem: MarginalisedProblem, fit: Fit, number: int, erring: Sequence[int]
-) -> float:
-    """Return by how much an effect of a fit lowers the cost where the laws of others err.
+def gain_beside_law_errors(problem: MarginalisedProblem, fit: Fit, number: int) -> float:
+    """Return by how much an effect of a fit lowers the cost where the laws of all others err.
 
     Args:
         problem: What the effects were fitted to.
         fit: All effects; the others stay as they are, but for the error of their laws.
         number: The effect.
-        erring: The effects whose laws err.
     """
     others = [k for k in range(len(fit.thetas)) if k != number]
     whole, rest = _changes(problem, fit, range(len(fit.thetas))), _changes(problem, fit, others)
-    errors = [_changes(problem, fit, [k]) for k in erring]
-    count = sum(recorded.left.shape[1] for recorded in problem.residuals) * len(erring)
+    errors = [_changes(problem, fit, [k]) for k in others]
+    count = sum(recorded.left.shape[1] for recorded in problem.residuals) * len(others)
     columns, first = [], 2
     for recording, recorded in enumerate(problem.residuals):
         own = np.zeros((recorded.left.size, 2 + count))

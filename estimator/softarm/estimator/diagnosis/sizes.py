@@ -215,11 +215,9 @@ def fragments(search: Search, fit: Fit) -> dict[int, float]:
     Returns:
         What each of them gains, by its number.
     """
-    every = range(len(fit.thetas))
     problem, found = search.problem(), {}
-    for number in every:
-        others = [k for k in every if k != number]
-        beside = gain_beside_law_errors(problem, fit, number, others)
+    for number in range(len(fit.thetas)):
+        beside = gain_beside_law_errors(problem, fit, number)
         least = min(search.contribution(fit, number), beside - search.bic_penalty * len(fit.thetas[number]))
         if least < DECIDES:
             found[number] = least
