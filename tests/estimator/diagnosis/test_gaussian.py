@@ -63,6 +63,16 @@ def test_the_gain_of_extra_coefficients_is_the_fall_of_the_cost(data: tuple[np.n
     assert gain == pytest.approx(marginal.cost - after, rel=1e-3)
 
 
+def test_the_usual_gain_is_the_fall_of_the_cost_from_coefficients_held_at_their_mean(
+    data: tuple[np.ndarray, np.ndarray],
+) -> None:
+    parts = total(_products(*data), 5)
+    marginal = Marginal.of(Gaussian(np.zeros(5), 0.01 * np.eye(5)), parts, 1.0)
+    held = Gaussian(np.zeros(5), np.diag([0.01, 1e-10, 0.01, 1e-10, 0.01]))
+    fall = Marginal.cost_of(held, parts, 1.0) - marginal.cost
+    assert marginal.usual_gain([1, 3]) == pytest.approx(fall, rel=1e-3)
+
+
 def test_products_of_another_residual_and_of_more_columns(data: tuple[np.ndarray, np.ndarray]) -> None:
     residual, columns = data
     scale = np.array([0.1, 0.2])

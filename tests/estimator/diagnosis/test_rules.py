@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis import conclude, diagnose, sizes
+from softarm.estimator.diagnosis import choose, conclude, diagnose, sizes
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
     MOST_SURPRISE,
@@ -21,7 +21,7 @@ from softarm.estimator.diagnosis.candidates import (
     restates,
     surprise,
 )
-from softarm.estimator.diagnosis.choose import DELAY_SHARE, SECOND, Search
+from softarm.estimator.diagnosis.choose import DELAY_SHARE, FINALISTS, SECOND, Search
 from softarm.estimator.diagnosis.conclude import lost_by_chance, unproven, without_improbable
 from softarm.estimator.diagnosis.diagnose import Decision
 from softarm.estimator.diagnosis.fit import Fit
@@ -44,7 +44,7 @@ from softarm.estimator.diagnosis.normal_equations import (
     with_columns,
 )
 from softarm.estimator.diagnosis.probability import CREDIBLE, probabilities
-from softarm.estimator.diagnosis.screen import null_scores, screen
+from softarm.estimator.diagnosis.screen import null_scores, screen, usual_effect
 from softarm.estimator.diagnosis.sizes import DECIDES, fragments
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
 from softarm.estimator.diagnosis.weights import weights_of
@@ -207,7 +207,7 @@ def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted(
     search = SimpleNamespace(
         rng=np.random.default_rng(0),
         bic_penalty=5.0,
-        predicted=lambda one, _: FoldCosts(none, none, none, none, gains[one.number]),
+        predicted=lambda one, _: FoldCosts(none, none, none, none, gains[one.number], 0.0 * none),
         only_moves=lambda _: False,
     )
     fits = [fit_of("tip_payload", 0.01), fit_of("line_leak", 0.1, 0.1, 1.0), fit_of("tip_payload", 0.01)]
@@ -224,16 +224,75 @@ def test_only_what_predicts_the_folds_about_as_well_as_the_best_may_be_accepted(
 def test_a_hundredth_of_the_gain_makes_nobody_sure(least, *, sure):
     """A law that is a tenth wrong leaves as much in all folds; the same gain over nothing decides."""
     none = np.full(5, 400.0)
-    costs = [FoldCosts(none, none, none, none, np.full(5, total / 5)) for total in (least, least + 40.0)]
+    costs = [
+        FoldCosts(none, none, none, none, np.full(5, total / 5), 0.0 * none)
+        for total in (least, least + 40.0)
+    ]
     field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
     likelier = probabilities(field, costs, 5.0, np.random.default_rng(0))[1]
     assert bool(likelier > CREDIBLE) is sure
     assert likelier > 0.5
 
 
+@pytest.mark.parametrize(("usual", "likeliest"), [(0.0, 0), (300.0, 1), (2000.0, 1)])
+def test_explanations_are_compared_with_what_every_arm_may_have_of_them(usual, likeliest):
+    """Most of a drift every arm may have; it still explains more than a lost gain that no arm has."""
+    none = np.full(5, 400.0)
+    gains = (np.full(5, 40.0), np.full(5, 20.0))
+    shares = (np.zeros(5), np.full(5, usual / 5))
+    costs = [FoldCosts(none, none, none, none, *one) for one in zip(gains, shares, strict=True)]
+    field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
+    probable = probabilities(field, costs, 5.0, np.random.default_rng(0))
+    assert probable[likeliest] > 0.9
+    likely = Search.likely(
+        cast(
+            "Any",
+            SimpleNamespace(
+                rng=np.random.default_rng(0),
+                bic_penalty=5.0,
+                predicted=lambda one, _: costs[one.number],
+                only_moves=lambda _: False,
+            ),
+        ),
+        field,
+        None,
+    )
+    assert likely[0].number == likeliest
+
+
+def test_no_change_is_likeliest_where_a_usual_share_explains_as_much():
+    none = np.full(5, 400.0)
+    field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
+    gains, shares = (np.full(5, 40.0), np.zeros(5)), (np.zeros(5), np.full(5, 60.0))
+    costs = [FoldCosts(none, none, none, none, *one) for one in zip(gains, shares, strict=True)]
+    assert probabilities(field, costs, 5.0, np.random.default_rng(0)).sum() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("usual", "nominal", "fitted"), [(1e3, True, True), (1.0, True, False), (1e3, False, False)]
+)
+def test_what_explains_most_as_usual_is_fitted_as_well(library, usual, nominal, fitted):
+    """A drift that every arm may have leaves little to a change of it, and so ranks low."""
+    hypotheses = tuple(hypothesis("line_lag", Place(chamber=k)) for k in range(FINALISTS))
+    library = Library((*hypotheses, hypothesis("tip_payload", TIP)), library.directions[:0])
+    ranked = [(k, 50.0 - k, np.ones(1)) for k in range(FINALISTS + 1)]
+    search = SimpleNamespace(evidence=SimpleNamespace(library=library, has_nominal=nominal))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(choose, "usual_effect", lambda *_: ("tip_payload", usual))
+        found = Search.nominated(cast("Any", search), ranked, cast("Any", None))
+    assert [number for number, *_ in found] == list(range(FINALISTS + fitted))
+
+
+def test_the_effect_that_explains_most_as_usual(library):
+    evidence = cast("Any", SimpleNamespace(nuisances=1, library=library))
+    shift, covariance = np.array([9.0, 1.0, 0.2, 3.0]), np.diag([1.0, 1.0, 0.01, 0.5])
+    marginal = Marginal(np.eye(4), np.zeros(4), 500.0, 400.0, shift, covariance)
+    assert usual_effect(evidence, marginal) == ("chamber_gain", pytest.approx(18.0))
+
+
 def test_an_unlikely_size_makes_an_explanation_less_probable():
     none = np.full(5, 400.0)
-    costs = [FoldCosts(none, none, none, none, np.full(5, 20.0))] * 2
+    costs = [FoldCosts(none, none, none, none, np.full(5, 20.0), 0.0 * none)] * 2
     spread = EFFECTS["tip_payload"].parameters[0].spread
     field = [candidate(fit_of("tip_payload", size * spread), 100.0, 0) for size in (0.1, 2.0)]
     usual, unlikely = probabilities(field, costs, 5.0, np.random.default_rng(0))
@@ -246,7 +305,9 @@ def test_the_natural_frequency_counts_where_the_arm_at_rest_looks_alike():
     search = SimpleNamespace(
         rng=np.random.default_rng(0),
         bic_penalty=5.0,
-        predicted=lambda one, _: FoldCosts(none, none, none, none, none, (0.0, 1500.0)[one.number]),
+        predicted=lambda one, _: FoldCosts(
+            none, none, none, none, none, 0.0 * none, (0.0, 1500.0)[one.number]
+        ),
         only_moves=lambda _: False,
     )
     field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
@@ -290,7 +351,9 @@ def library() -> Library:
 
 def test_the_screen_ranks_by_gain_and_refuses_sizes_of_the_wrong_sign(library):
     evidence = cast("Any", SimpleNamespace(nuisances=0, library=library))
-    marginal = Marginal(np.diag([100.0, 100.0, 100.0]), np.array([40.0, -80.0, 60.0]), 500.0, 400.0)
+    marginal = Marginal(
+        np.diag([100.0, 100.0, 100.0]), np.array([40.0, -80.0, 60.0]), 500.0, 400.0, np.zeros(3), np.eye(3)
+    )
     ranked = screen(evidence, marginal, frozenset())
     assert [number for number, *_ in ranked] == [2, 0, 1]
     assert ranked[0][1] == pytest.approx(36.0 - np.log(400.0), rel=1e-4)
@@ -304,11 +367,12 @@ def test_chances_of_the_search_are_even_or_cautious_where_nothing_is_missing(lib
     rng = np.random.default_rng(2)
     root = rng.normal(size=(3, 3))
     matrix = 50.0 * (root @ root.T + np.eye(3))
-    plain = Marginal(matrix, np.zeros(3), 500.0, 400.0)
+    plain = Marginal(matrix, np.zeros(3), 500.0, 400.0, np.zeros(3), np.eye(3))
     null = null_scores(evidence, plain, rng)
     chances = []
     for drawn in plain.null_draws(rng, 400, 0):
-        best = screen(evidence, Marginal(matrix, drawn, 500.0, 400.0), frozenset())[0][1]
+        marginal = Marginal(matrix, drawn, 500.0, 400.0, np.zeros(3), np.eye(3))
+        best = screen(evidence, marginal, frozenset())[0][1]
         chances.append(float((null >= best).mean()))
     for level in (0.01, 0.05, 0.2):
         assert np.mean(np.array(chances) <= level) < level + 3.0 * np.sqrt(level / 400.0)
@@ -726,7 +790,9 @@ def test_something_present_does_not_pull_where_it_can_only_push():
     evidence = cast("Any", SimpleNamespace(nuisances=0, library=wall))
     scores = []
     for sign in (1.0, -1.0):
-        marginal = Marginal(np.array([[100.0]]), np.array([sign * 80.0]), 500.0, 400.0)
+        marginal = Marginal(
+            np.array([[100.0]]), np.array([sign * 80.0]), 500.0, 400.0, np.zeros(1), np.eye(1)
+        )
         ((_, score, theta),) = screen(evidence, marginal, frozenset())
         assert theta == pytest.approx([30.0, 0.01, 0.0])
         scores.append(score)
@@ -807,7 +873,9 @@ def test_of_several_effects_one_that_is_no_likelier_than_a_rival_is_withdrawn(
         evidence=SimpleNamespace(
             library=Library(tuple(one.fit.hypotheses[0] for one in (*field, payload)), ())
         ),
-        predicted=lambda one, _: FoldCosts(none, none, none, none, np.full(5, gains[one.number] / 5.0)),
+        predicted=lambda one, _: FoldCosts(
+            none, none, none, none, np.full(5, gains[one.number] / 5.0), 0.0 * none
+        ),
         subset=lambda fit, kept: fit.selected(kept) if kept else None,
         without=without,
     )

@@ -53,8 +53,8 @@ def test_a_recorded_base_hides_the_tilt_that_it_follows() -> None:
 
 def test_effects_that_superpose_change_together_what_each_changes_alone() -> None:
     own = stage(Registration())
-    theta = {"chamber_gain": [0.2], "pressure_bias": [3e3], "segment_stiffness": [0.3]}
-    places = {"segment_stiffness": [Place(segment=name) for name in own.world.segments]}
+    theta = {"chamber_gain": [0.2], "pressure_bias": [3e3], "material_softening": [0.3, 2.0]}
+    places = {"material_softening": [Place(segment=name) for name in own.world.segments]}
     for name, values in theta.items():
         chambers = [Place(chamber=k) for k in range(6)]
         placed = [
@@ -66,8 +66,9 @@ def test_effects_that_superpose_change_together_what_each_changes_alone() -> Non
         np.testing.assert_allclose(own.first_order_of_many(placed), alone, atol=1e-12)
 
 
-def test_what_moves_the_base_or_adds_mass_does_not_superpose() -> None:
+def test_what_moves_the_base_or_changes_how_the_arm_vibrates_does_not_superpose() -> None:
     own = stage(Registration())
-    tip, tilt = EFFECTS["tip_payload"], EFFECTS["base_tilt"]
+    tip, tilt, stiff = EFFECTS["tip_payload"], EFFECTS["base_tilt"], EFFECTS["segment_stiffness"]
+    assert not superposes(PlacedEffect(stiff, Spot(own.world, Place(segment="lower")), np.array([0.2])))
     assert not superposes(PlacedEffect(tip, Spot(own.world, Place(section="tip")), np.array([0.02])))
     assert not superposes(PlacedEffect(tilt, Spot(own.world, Place()), np.array([*TILT, 0.0])))

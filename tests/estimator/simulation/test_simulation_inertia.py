@@ -63,6 +63,25 @@ def test_a_strain_with_more_inertia_and_damping_rings_down_slower():
     assert np.abs(found - exact)[TIME > 0.52].max() < 0.02
 
 
+def test_a_strain_of_twice_the_stiffness_vibrates_faster_by_the_root_of_two_and_damps_as_before():
+    frequency, damping = 2.0, (0.0, 0.02)
+    stiffer = oscillator(frequency, len(TIME)).stiffer(np.ones(1, dtype=bool), np.full(len(TIME), 2.0))
+    found = stiffer.strains(TIME, np.where(TIME < 0.5, 0.0, 1.0)[:, None], damping)[:, 0]
+    square = (2 * np.pi * frequency) ** 2
+    after, decay = TIME - 0.495, 0.5 * damping[1] * square
+    omega = np.sqrt(2.0 * square - decay**2)
+    exact = 1 - np.exp(-decay * after) * (np.cos(omega * after) + decay / omega * np.sin(omega * after))
+    assert np.abs(found - exact)[TIME > 0.52].max() < 0.02
+
+
+def test_only_the_chosen_strains_are_stiffer():
+    usual = dynamics(TIP, samples=2)
+    stiffer = usual.stiffer(np.repeat([False, True], 4), np.array([1.0, 1.5]))
+    assert np.array_equal(stiffer.stiffness[0], usual.stiffness[0])
+    assert np.allclose(stiffer.stiffness[1, 4:, 4:], 1.5 * usual.stiffness[1, 4:, 4:])
+    assert np.array_equal(stiffer.stiffness[1, :4], usual.stiffness[1, :4])
+
+
 def test_only_the_chosen_strains_are_slower():
     usual = dynamics(TIP)
     slower = usual.slower(np.repeat([False, True], 4), 0.1, 0.2)

@@ -35,7 +35,7 @@ from softarm.estimator.diagnosis.natural_frequency import NaturalFrequency
 from softarm.estimator.diagnosis.nominal import UNKNOWN, background_of, usual_recordings
 from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, added, total
 from softarm.estimator.diagnosis.probability import BARE, probabilities, spent
-from softarm.estimator.diagnosis.screen import null_scores, screen
+from softarm.estimator.diagnosis.screen import null_scores, screen, usual_effect
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.effects import Effect
@@ -120,7 +120,7 @@ class Search:
                 alarm_p = float((null >= ranked[0][1]).mean()) if ranked else 1.0
             if not ranked or ranked[0][1] <= 0.0:
                 break
-            field = self.finalists(fit, ranked[:FINALISTS])
+            field = self.finalists(fit, self.nominated(ranked, marginal))
             self.advance(1.0)
             if not field:
                 break
@@ -135,6 +135,16 @@ class Search:
             if fit is not None:
                 accepted, fit = self.reconsidered(accepted, fit, null)
         return ChosenEffects(tuple(accepted), fit, alarm_p, turned_down)
+
+    def nominated(
+        self, ranked: Sequence[tuple[int, float, Floats]], marginal: Marginal
+    ) -> list[tuple[int, float, Floats]]:
+        """List what is fitted: the best of a ranking, and an effect of which a usual share explains more."""
+        name, gain = usual_effect(self.evidence, marginal)
+        if not self.evidence.has_nominal or gain <= ranked[0][1]:
+            return list(ranked[:FINALISTS])
+        hypotheses = self.evidence.library.hypotheses
+        return [e for k, e in enumerate(ranked) if k < FINALISTS or hypotheses[e[0]].name == name]
 
     def parts(self, fit: Fit | None) -> list[NormalEquations]:
         """Return the products of the residuals that accepted effects leave, without nominal recordings."""
@@ -217,10 +227,12 @@ class Search:
         return self.weighed(number, fit, accepted) if np.isfinite(fit.gain) else None
 
     def weighed(self, number: int, fit: Fit, accepted: Fit | None) -> Candidate:
-        """Set the gain of a fit, less that of what nominal recordings have of it, against its parameters."""
+        """Set the gain of a fit, beside what nominal recordings have of it, against its parameters."""
         theta = fit.thetas[-1]
         candidate = Candidate(number, fit, -np.inf)
-        gain = fit.gain - self.predicted(candidate, accepted).background_gain
+        gain = (
+            self.predicted(candidate, accepted).changed_gain if self.has_background(candidate) else fit.gain
+        )
         return replace(candidate, delta_bic=gain - self.bic_penalty * len(theta) - surprise(fit))
 
     def resolved(self, candidate: Candidate, problem: MarginalisedProblem, accepted: Fit | None) -> Candidate:
@@ -298,7 +310,10 @@ class Search:
         costs = [self.predicted(one, fit) for one in able]
         weights = probabilities(able, costs, self.bic_penalty, self.rng)
         gains = np.array(
-            [own.gain - spent(one, self.bic_penalty) for one, own in zip(able, costs, strict=True)]
+            [
+                own.gain + float(own.usual.sum()) - spent(one, self.bic_penalty)
+                for one, own in zip(able, costs, strict=True)
+            ]
         )
         close = gains >= gains.max() - max(ALIKE, ALIKE_SHARE * gains.max())
         near = np.flatnonzero(close | (weights >= weights.max() / BARE)).tolist()
@@ -382,18 +397,18 @@ class Search:
             shown = folds.marginal(columns)
             fraction = self.weights.effective_sample_fraction
             changed = [fraction * sum(float(new[k].matrix[0, 0]) for k in fold) for fold in folds.numbers]
-            usual = Marginal.cost_of(prior, shown.whole.selected(range(len(prior.mean))), 1.0)
+            beside = prior.augment(0.0, ANY_SIZE)
+            before = Marginal.cost_of(prior, shown.whole.selected(range(len(prior.mean))), 1.0)
             costs = fold_costs(shown, prior, np.array(changed))
             # Without nominal recordings a calibration can follow almost anything: only prediction decides.
             if self.evidence.has_nominal:
-                without, beside = (
-                    folds.shares(columns, shown.whole, one) for one in (prior, prior.augment(0.0, ANY_SIZE))
-                )
-                costs = replace(costs, gains=without - beside)
+                after = folds.shares(columns, shown.whole, beside)
+                without = folds.shares(columns, shown.whole, prior) if wanted else folds.plain_shares
+                costs = replace(costs, gains=without - after, usual=folds.plain_shares - without)
             self.predictions[key] = replace(
                 costs,
                 frequency_gain=self.frequency_gain(candidate, fit),
-                background_gain=folds.whole.cost - usual,
+                changed_gain=before - Marginal.cost_of(beside, shown.whole, 1.0),
             )
         return self.predictions[key]
 

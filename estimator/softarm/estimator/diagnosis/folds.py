@@ -81,10 +81,14 @@ class Marginaliser:
 
     def squares(self, new: NewColumns, common: Floats, sizes: Floats) -> float:
         """Return the weighted squares that common coefficients and those of new columns leave."""
-        data = self.data
-        common_squares = data.sum_of_squares + common @ (data.matrix @ common - 2.0 * data.vector)
         new_squares = sizes @ (new.matrix @ sizes + 2.0 * (common @ new.cross - new.vector))
-        return self.fraction * float(common_squares + new_squares)
+        return self.common_squares(common) + self.fraction * float(new_squares)
+
+    def common_squares(self, common: Floats) -> float:
+        """Return the weighted squares that common coefficients leave without new columns."""
+        data = self.data
+        squares = data.sum_of_squares + common @ (data.matrix @ common - 2.0 * data.vector)
+        return self.fraction * float(squares)
 
     def combined(self, new: NewColumns, wanted: Combinations) -> NewColumns:
         """Return the products of combinations of new columns and the common ones."""
@@ -196,6 +200,13 @@ class Folds:
         prior_cost = (prior.distance(sizes) + self.whole.prior.distance(common)) / len(self.own)
         folds = zip(self.own, first.own, strict=True)
         return np.array([own.squares(inside, common, sizes) + prior_cost for own, inside in folds])
+
+    @cached_property
+    def plain_shares(self) -> Floats:
+        """Cost of each fold where one set of common coefficients serves all, shape (folds,)."""
+        common = self.whole.mean
+        prior_cost = self.whole.prior.distance(common) / len(self.own)
+        return np.array([own.common_squares(common) + prior_cost for own in self.own])
 
 
 @dataclass(frozen=True)

@@ -133,12 +133,16 @@ class Marginal:
         vector: b, shape (columns,).
         cost: Weighted squares that remain without extra coefficients, the prior's included.
         count: Effective number of samples.
+        shift: Most probable common coefficients, without extra ones, less the prior mean, shape (columns,).
+        covariance: Of the common coefficients, shape (columns, columns).
     """
 
     matrix: Floats
     vector: Floats
     cost: float
     count: float
+    shift: Floats
+    covariance: Floats
 
     @classmethod
     def of(cls, prior: Gaussian, data: Total, fraction: float) -> "Marginal":
@@ -148,7 +152,9 @@ class Marginal:
         matrix = gram - gram @ solved[:, :-1]
         vector = right - gram @ solved[:, -1]
         cost = sum_of_squares - float(right @ solved[:, -1])
-        return cls(_symmetric(matrix), vector, cost, fraction * data.count)
+        covariance = _symmetric(prior.covariance - solved[:, :-1] @ prior.covariance)
+        count = fraction * data.count
+        return cls(_symmetric(matrix), vector, cost, count, solved[:, -1], covariance)
 
     @staticmethod
     def cost_of(prior: Gaussian, data: Total, fraction: float) -> float:
@@ -165,6 +171,11 @@ class Marginal:
         scaled = block / np.outer(size, size) + 1e-6 * np.eye(len(size))
         values = np.linalg.solve(scaled, self.vector[list(columns)] / size) / size
         return float(self.vector[list(columns)] @ values), values
+
+    def usual_gain(self, columns: Sequence[int]) -> float:
+        """Return how much common coefficients lower the cost by leaving their prior mean."""
+        block, shift = self.covariance[np.ix_(columns, columns)], self.shift[list(columns)]
+        return float(shift @ Factor.of(block).solve(shift))
 
     def null_draws(self, rng: np.random.Generator, draws: int, first: int) -> Floats:
         """Draw what b would be where nothing is missing: normal of covariance M.

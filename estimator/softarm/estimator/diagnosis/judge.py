@@ -71,9 +71,11 @@ class FoldCosts:
         after: With it.
         counts: Effective number of samples of each.
         changed: Weighted squares of the candidate's change in each, over effective samples.
-        gains: By how much the candidate lowers the cost of each; candidates are compared by it.
+        gains: By how much the candidate lowers the cost of each.
+        usual: By how much what nominal recordings have of it already lowers that, shape (folds,). Candidates
+            are compared by both: what every arm may have of one may explain more than a change of another.
         frequency_gain: By how much it lowers the cost of the natural frequency, which belongs to no fold.
-        background_gain: By how much what nominal recordings have of it already lowers the cost.
+        changed_gain: By how much the candidate lowers the cost of all folds beside its usual share.
     """
 
     before: Floats
@@ -81,8 +83,9 @@ class FoldCosts:
     counts: Floats
     changed: Floats
     gains: Floats
+    usual: Floats
     frequency_gain: float = 0.0
-    background_gain: float = 0.0
+    changed_gain: float = 0.0
 
     @property
     def gain(self) -> float:
@@ -109,7 +112,7 @@ def fold_costs(shown: NewFolds, prior: Gaussian, changed: Floats) -> FoldCosts:
         before = Marginal.cost_of(prior, own.selected(range(size)), 1.0)
         rows.append((before, Marginal.cost_of(known, own, 1.0), own.count))
     without, after, counts = np.array(rows, dtype=np.float64).T
-    return FoldCosts(without, after, counts, changed, without - after)
+    return FoldCosts(without, after, counts, changed, without - after, np.zeros_like(without))
 
 
 def judge(costs: FoldCosts, rng: np.random.Generator, search_p: float, delta_bic: float) -> Judgement:

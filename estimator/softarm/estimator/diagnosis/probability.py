@@ -39,15 +39,23 @@ def probabilities(
 ) -> Floats:
     """Return how probable each of some candidates is, shape (candidates,); the rest is that none acts.
 
+    What every arm may have of a candidate explains something before any change does, so candidates, and none,
+    are compared by both together.
+
     Args:
         candidates: What was fitted, at least one.
         costs: What each of them explains of the folds.
         bic_penalty: Cost of a parameter.
         rng: Of the weightings of the folds.
     """
-    found = [density(one, own, bic_penalty) for one, own in zip(candidates, costs, strict=True)]
-    densities = np.column_stack([*found, np.zeros_like(found[0])])
-    gain = 2.0 * float(densities.sum(axis=0).max())
+    both = list(zip(candidates, costs, strict=True))
+    found = [density(one, own, bic_penalty) + 0.5 * own.usual for one, own in both]
+    # Without a change, an arm may have some of one of them as usual: its shape was fitted as well.
+    shapes = [bic_penalty * (len(one.fit.thetas[-1]) - 1) for one in candidates]
+    usual = [0.5 * (own.usual - cost / len(own.usual)) for own, cost in zip(costs, shapes, strict=True)]
+    none = max([np.zeros_like(found[0]), *usual], key=lambda before: float(before.sum()))
+    densities = np.column_stack([*found, none])
+    gain = max(2.0 * float((densities.sum(axis=0) - none.sum()).max()), 0.0)
     return pseudo_bma(densities * COARSE / (COARSE + gain), rng)[:-1]
 
 
@@ -71,9 +79,9 @@ def shared(weights: Floats, groups: NDArray[np.int_]) -> Floats:
 
 
 def density(candidate: Candidate, costs: FoldCosts, bic_penalty: float) -> Floats:
-    """Return the logarithm of the density of each fold under a candidate, over that without it.
+    """Return the logarithm of the density of each fold under a candidate, over that without its change.
 
-    What nominal recordings have of it is in both: it speaks for no candidate.
+    What nominal recordings have of it is in both.
     """
     price = spent(candidate, bic_penalty) - costs.frequency_gain
     return 0.5 * (costs.gains - price / len(costs.gains))

@@ -9,6 +9,7 @@ from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.gaussian import Marginal
 from softarm.estimator.diagnosis.library import Direction
 from softarm.estimator.effects import ParameterSpec
+from softarm.estimator.specimen.physics import EffectName
 
 DRAWS = 400
 INVISIBLE = 1e-3
@@ -45,6 +46,20 @@ def screen(
             best[number] = (score, theta)
     ranked = [(number, score, theta) for number, (score, theta) in best.items()]
     return sorted(ranked, key=lambda entry: -entry[1])
+
+
+def usual_effect(evidence: RegressionProblem, marginal: Marginal) -> tuple[EffectName | None, float]:
+    """Return the effect of which a usual share explains most, anywhere on the arm, and what that gains.
+
+    What every arm may have of an effect leaves little to a change of it. It may still explain more than a
+    change of any other effect.
+    """
+    columns: dict[EffectName, list[int]] = {}
+    for column, direction in enumerate(evidence.library.directions, evidence.nuisances):
+        columns.setdefault(evidence.library.hypotheses[direction.hypothesis].name, []).append(column)
+    gains = {name: marginal.usual_gain(own) for name, own in columns.items()}
+    name = max(gains, key=lambda one: gains[one], default=None)
+    return name, 0.0 if name is None else gains[name]
 
 
 def null_scores(evidence: RegressionProblem, marginal: Marginal, rng: np.random.Generator) -> Floats:

@@ -74,20 +74,26 @@ class Vibrations:
     still: Floats
     resting: LinearisedArm
 
-    def strains(self, change: Floats, modal: ModalChange, spot: Spot) -> Floats:
+    def strains(
+        self, change: Floats, modal: ModalChange, spot: Spot, stiffness: Floats | None = None
+    ) -> Floats:
         """Return what an effect changes of the strains while the arm vibrates, shape (samples, strains, ...).
 
         Args:
             change: What it changes of the quasi-static strains, shape (samples, strains, ...).
             modal: What it does to masses and damping.
             spot: Where it does so.
+            stiffness: Factor on the stiffness of the segments there, shape (samples,), if it changes that.
         """
-        if modal.vibrates_alike:
+        if modal.vibrates_alike and stiffness is None:
             return change + self.arm.lag(change)
         added = np.zeros(self.arm.dynamics.places.shape[1])
         added[spot.section] = modal.added_mass
         other = self.arm.heavier(modal.mass_ratio, added)
-        other = other.slower(np.repeat(spot.segments, 4), modal.inertia_time, modal.damping_time)
+        segments = np.repeat(spot.segments, 4)
+        other = other.slower(segments, modal.inertia_time, modal.damping_time)
+        if stiffness is not None:
+            other = other.stiffer(segments, stiffness)
         return change + other.lag(self.still + change) - self._usual_lag
 
     @cached_property
@@ -348,7 +354,8 @@ class Stage:
         modal = placed.effect.modal(placed.theta) if vibrating else None
         if placed.effect.only_vibrates and vibrating and self.vibrations is not None:
             change = np.zeros_like(change)
-        return self._moved(placed.field, change.reshape(drive.samples, -1), modal, placed.spot)
+        stiffness = placed.stiffness(self.signals.time)
+        return self._moved(placed.field, change.reshape(drive.samples, -1), modal, placed.spot, stiffness)
 
     def first_order_of_many(self, effects: Sequence[PlacedEffect]) -> Floats:
         """Return that of each of some effects, alone; ``superposes`` holds of them, and they change one part.
@@ -359,7 +366,14 @@ class Stage:
         changes = [placed.change(self.signals)[0].reshape(self.drive.samples, -1) for placed in effects]
         return self._moved(effects[0].field, np.stack(changes, axis=-1), ModalChange(), effects[0].spot)
 
-    def _moved(self, field: str, change: Floats, modal: ModalChange | None, spot: Spot) -> Floats:
+    def _moved(
+        self,
+        field: str,
+        change: Floats,
+        modal: ModalChange | None,
+        spot: Spot,
+        stiffness: Floats | None = None,
+    ) -> Floats:
         """Return what changes of a part of the drive change, shape (samples, rows, ...).
 
         Args:
@@ -367,6 +381,7 @@ class Stage:
             change: Shape (samples, inputs, ...).
             modal: What it does to masses and damping; ``None`` where the arm does not vibrate about it.
             spot: Where it does so.
+            stiffness: Factor on the stiffness of the segments there, shape (samples,), if it changes that.
         """
         moved = _applied(self.by_drive[field], change)
         if self.vibrations is None or modal is None:
@@ -376,7 +391,7 @@ class Stage:
             np.nan_to_num(_applied(by_drive[field], change))
             for by_drive in (self.vibrations.strains_by_drive, self.strains_by_drive)
         )
-        strained = self.vibrations.strains(at_rest, modal, spot) - there
+        strained = self.vibrations.strains(at_rest, modal, spot, stiffness) - there
         vibrating = moved + _applied(self._strain_jacobian, strained)
         *_, stable = self._strain_stiffness
         return np.where(stable.reshape(-1, *(1,) * (change.ndim - 1)), vibrating, 0.0)
@@ -472,7 +487,7 @@ def superposes(placed: PlacedEffect) -> bool:
     """Return whether what an effect changes is only a change of the drive, to first order."""
     modal = placed.effect.modal(placed.theta)
     by_drive = placed.field not in ("", "base_rotation") and not placed.effect.responds_to_own_effect
-    return by_drive and modal.vibrates_alike
+    return by_drive and modal.vibrates_alike and placed.effect.stiffness is None
 
 
 def build_stage(model: Model, session: Session, setting: Setting) -> Stage:

@@ -211,7 +211,9 @@ class Effect:
         responds_to_own_effect: Whether how far it pushes depends on how far it has moved the arm.
         changes_inertia: Whether it changes mass or support, and with them how the arm vibrates.
         modal: Gives what it does to the slowest mode of the arm, of its parameters.
-        only_vibrates: Whether that is all it does where the model vibrates.
+        stiffness: Gives the factor on the stiffness of the segments at its place along a recording, shape
+            (samples,), of the clock [s] and its parameters; ``None`` where they vibrate as before.
+        only_vibrates: Whether how the arm vibrates is all that it changes where the model vibrates.
         along_arm: Gives whether it only stretches the arm, of its parameters.
         hidden_rotation: Gives the rotation of the base that a recorded base does not show [rad], shape (3,),
             of its parameters.
@@ -238,6 +240,7 @@ class Effect:
     responds_to_own_effect: bool = False
     changes_inertia: bool = False
     modal: Callable[[Floats], ModalChange] = no_modal_change
+    stiffness: Callable[[Floats, Floats], Floats] | None = None
     only_vibrates: bool = False
     along_arm: Callable[[Floats], bool] = never_along_arm
     hidden_rotation: Callable[[Floats], Floats] = no_rotation

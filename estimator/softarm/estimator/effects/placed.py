@@ -51,6 +51,10 @@ class PlacedEffect:
         """Whether what it does may depend on the arm's response."""
         return self.field in ANSWERING
 
+    def stiffness(self, clock: Floats) -> Floats | None:
+        """Return the factor on the stiffness of its segments along a clock [s], shape (samples,), if any."""
+        return None if self.effect.stiffness is None else self.effect.stiffness(clock, self.theta)
+
     def act(self, signals: Signals, memory: Memory) -> tuple[Floats, Memory]:
         """Run the effect over a stretch of time.
 

@@ -449,6 +449,11 @@ def segment_stiffness(signals: Signals, theta: Floats, spot: Spot, memory: Memor
     return signals.strains / (1.0 + change * spot.segments[:, None]), memory
 
 
+def segment_stiffness_along(clock: Floats, theta: Floats) -> Floats:
+    """Return the factor on the stiffness, the same at all times, shape (samples,)."""
+    return np.full(len(clock), 1.0 + float(theta[0]))
+
+
 def segment_stiffness_modal(theta: Floats) -> ModalChange:
     """Change the stiffness."""
     return ModalChange(stiffness_ratio=1.0 + float(theta[0]))
@@ -467,6 +472,7 @@ SEGMENT_STIFFNESS = Effect(
     splits=(("chamber_gain", "a known weight on and off"),),
     when="pose",
     modal=segment_stiffness_modal,
+    stiffness=segment_stiffness_along,
 )
 
 
@@ -475,10 +481,14 @@ def thermal_drift(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -
 
     A body that warms up to its surroundings nears their temperature exponentially (Newton's law of cooling).
     """
-    change, lasting = theta
-    warmed = 1.0 - np.exp(-np.maximum(signals.time, 0.0) / lasting)
-    factor = 1.0 / (1.0 + change * warmed)[:, None, None]
+    factor = 1.0 / warmed_stiffness(signals.time, theta)[:, None, None]
     return np.where(spot.segments[:, None], factor * signals.strains, signals.strains), memory
+
+
+def warmed_stiffness(clock: Floats, theta: Floats) -> Floats:
+    """Return the modulus over that at the clock's start, shape (samples,); see ``thermal_drift``."""
+    change, lasting = theta
+    return np.asarray(1.0 + change * (1.0 - np.exp(-np.maximum(clock, 0.0) / lasting)))
 
 
 THERMAL_DRIFT = Effect(
@@ -490,6 +500,7 @@ THERMAL_DRIFT = Effect(
     ),
     places=whole_and_segments,
     act=thermal_drift,
+    stiffness=warmed_stiffness,
     statement="The stiffness of {where} drifts over the run, independent of load: in the end it is "
     "{change:lower|higher}, with a time constant of {time_constant}.",
     source="First-order temperature dependence of the modulus; Newton's law of cooling",

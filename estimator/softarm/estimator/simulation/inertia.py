@@ -68,6 +68,7 @@ class StrainDynamics:
         places: Derivative of the sections' origins by the strains, shape (samples, sections, 3, strains).
         stable: Samples at a stable equilibrium, shape (samples,); the others have typical matrices.
         drag: Damping beside that in proportion to M and K, of the same shape; ``None`` for none.
+        damped: K in proportion to which it damps, of the same shape; ``None`` for that of ``stiffness``.
     """
 
     stiffness: Floats
@@ -76,6 +77,12 @@ class StrainDynamics:
     places: Floats
     stable: Flags
     drag: Floats | None = None
+    damped: Floats | None = None
+
+    @property
+    def damped_stiffness(self) -> Floats:
+        """K in proportion to which the arm damps, of the shape of ``stiffness``."""
+        return self.stiffness if self.damped is None else self.damped
 
     @classmethod
     def of(cls, response: ArmResponse, segments: Segments, masses: Masses) -> "StrainDynamics":
@@ -118,6 +125,18 @@ class StrainDynamics:
         drag = damping_time * part + (0.0 if self.drag is None else self.drag)
         return replace(self, mass=self.mass + inertia_time**2 * part, drag=drag)
 
+    def stiffer(self, strains: Flags, factor: Floats) -> "StrainDynamics":
+        """Return the matrices of an arm of another stiffness of some strains.
+
+        Damping stays as it is: what damps an arm need not be what makes it stiff.
+
+        Args:
+            strains: Which ones, shape (strains,).
+            factor: On their stiffness, shape (samples,).
+        """
+        more = (factor - 1.0)[:, None, None] * self.stiffness * np.outer(strains, strains)
+        return replace(self, stiffness=self.stiffness + more, damped=self.damped_stiffness)
+
     def strains(self, clock: Floats, still: Floats, damping: tuple[float, float]) -> Floats:
         """Let the arm vibrate about quasi-static strains.
 
@@ -137,7 +156,7 @@ class StrainDynamics:
         lengths = np.diff(edges)
         steps = np.where(lengths > PAUSE, 0, np.maximum(np.ceil(lengths / FINE - 1e-6), 1.0)).astype(np.int64)
         h = (lengths / np.maximum(steps, 1))[:, None, None]
-        resisting = damping[0] * self.mass + damping[1] * self.stiffness
+        resisting = damping[0] * self.mass + damping[1] * self.damped_stiffness
         resisting = resisting if self.drag is None else resisting + self.drag
         implicit = self.mass + 0.5 * h * resisting + 0.25 * h**2 * self.stiffness
         pushed = np.linalg.solve(implicit, np.concatenate([self.stiffness, resisting], axis=-1))
@@ -198,6 +217,10 @@ class VibratingArm:
     def slower(self, strains: Flags, inertia_time: float, damping_time: float) -> "VibratingArm":
         """Return it with more inertia and damping of some strains; see ``StrainDynamics.slower``."""
         return replace(self, dynamics=self.dynamics.slower(strains, inertia_time, damping_time))
+
+    def stiffer(self, strains: Flags, factor: Floats) -> "VibratingArm":
+        """Return it with another stiffness of some strains; see ``StrainDynamics.stiffer``."""
+        return replace(self, dynamics=self.dynamics.stiffer(strains, factor))
 
 
 def strain_stiffness(response: ArmResponse, segments: Segments) -> tuple[Floats, Floats, Flags]:
