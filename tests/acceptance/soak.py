@@ -1,5 +1,6 @@
 """``softarm bench soak``: a service for long, under faults and clients that come, go and stall."""
 
+import shutil
 import tempfile
 from pathlib import Path
 
@@ -25,7 +26,7 @@ ALLOWED_GROWTH_PERCENT = 5.0
 @click.option("--seconds", default=1800.0, show_default=True, help="How long.")
 @click.option("--model", type=click.Choice(["fem", "rod"]), default="fem", show_default=True)
 @click.option("--seed", default=1, show_default=True, help="Of faults and clients.")
-@click.option("--out", type=PATH, help="Folder for logs and recordings; none are kept.")
+@click.option("--out", type=PATH, help="Folder for logs and recordings; else only kept if the status is 1.")
 @json_option
 def command(seconds: float, model: str, seed: int, out: Path | None, as_json: bool) -> int:
     """Run a service at 100 Hz for long; count lost replies, overruns, and memory that grows.
@@ -35,9 +36,14 @@ def command(seconds: float, model: str, seed: int, out: Path | None, as_json: bo
 
     Example: softarm bench soak --seconds 60
     """
-    with tempfile.TemporaryDirectory(prefix="softarm-soak-") as folder, progress("soak", seconds) as advance:
-        soak = Soak(SoakSettings(out or Path(folder), seconds, model, seed), advance)
-        found = soak.run()
+    folder = out or Path(tempfile.mkdtemp(prefix="softarm-soak-"))
+    with progress("soak", seconds) as advance:
+        found = Soak(SoakSettings(folder, seconds, model, seed), advance).run()
+    sound = found.sound(ALLOWED_GROWTH_PERCENT)
     rows: list[dict[str, Cell]] = [{"what": name, "value": value} for name, value in found.figures.items()]
     show(Table(f"Soak of {seconds:g} s at 100 Hz, {model}", rows, NOTES), as_json=as_json)
-    return 0 if found.sound(ALLOWED_GROWTH_PERCENT) else 1
+    if not sound:
+        click.echo(f"its logs are kept in {folder}", err=True)
+    elif out is None:
+        shutil.rmtree(folder)
+    return 0 if sound else 1

@@ -280,6 +280,7 @@ class Soak:
             "ticks_skipped_percent": 100.0 * skipped / max(ticks + skipped, 1),
             "recordings": len(tally.readable),
             "recordings_unreadable": unreadable,
+            "estimator_restarts": restarts(self._settings.folder / "service.log"),
             **memory.figures(),
             "service_ended": "yes" if ended else "no",
         }
@@ -310,6 +311,11 @@ def _is_readable(path: Path) -> bool:
         return False
 
 
+def restarts(log: Path) -> int:
+    """Count how often the service had to start its estimator again, by its log."""
+    return sum("the estimator died" in line for line in log.read_text().splitlines())
+
+
 class MemoryGrowth:
     """Resident memory of the service's processes.
 
@@ -319,17 +325,12 @@ class MemoryGrowth:
 
     def __init__(self, rig: FakeRig) -> None:
         self._service = rig.service.process.pid
-        self._estimator = child_of(self._service)
-        self._restarts = 0
         self._early: dict[str, int] = {}
         self._late: dict[str, int] = {}
 
     def look(self, settled: bool) -> None:
         """Read the memory of each process; until it has settled only the highest counts."""
         estimator = child_of(self._service)
-        if estimator != self._estimator:
-            self._estimator = estimator
-            self._restarts += 1
         for name, pid in (("control", self._service), ("estimator", estimator)):
             kib = resident_kib(pid)
             if not settled or name not in self._early:
@@ -338,7 +339,7 @@ class MemoryGrowth:
 
     def figures(self) -> dict[str, float | int | str]:
         """Sum up."""
-        found: dict[str, float | int | str] = {"estimator_restarts": self._restarts}
+        found: dict[str, float | int | str] = {}
         for name, early in self._early.items():
             late = self._late[name]
             found[f"{name}_mb"] = late / 1024

@@ -2,7 +2,7 @@
 
 import pytest
 
-from acceptance.soak_run import Soak, SoakSettings
+from acceptance.soak_run import Soak, SoakSettings, restarts
 
 pytestmark = pytest.mark.timeout(240)
 SECONDS = 12.0
@@ -19,3 +19,13 @@ def test_twelve_seconds_lose_no_reply_and_leave_every_recording_readable(tmp_pat
     assert figures["device_faults"] >= 3
     assert figures["control_growth_percent"] < GROWTH_PERCENT
     assert figures["estimator_growth_percent"] < GROWTH_PERCENT
+
+
+def test_a_restart_is_one_line_of_the_services_log(tmp_path):
+    log = tmp_path / "service.log"
+    log.write_text(
+        "WARNING worker: the estimator was at one request for more than 5 s; it is killed\n"
+        "WARNING worker: the estimator died (1 of 6 within 600 s); it starts again in 0.1 s\n"
+        "INFO reporting: bend: no longer unplugged\n"
+    )
+    assert restarts(log) == 1
