@@ -17,6 +17,7 @@ class TrialOutcome:
         status: Exit status of the diagnosis; -1 when it was ended for its time.
         message: Its last line on standard error when it gave no report.
         report: ``report.json`` as a table; empty when there is none.
+        digest: Of all that went into it; see ``digest_of``.
     """
 
     trial: str
@@ -25,6 +26,7 @@ class TrialOutcome:
     status: int
     message: str
     report: dict[str, Any]
+    digest: str = ""
 
     def line(self) -> str:
         """Write it as one line of JSON."""
