@@ -24,6 +24,7 @@ from softarm.estimator.diagnosis.result import (
     Verdict,
 )
 from softarm.estimator.diagnosis.valves import LAGS, OPEN, Valve, ceilings_of, predict, valves_of
+from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -183,7 +184,19 @@ def with_valves(diagnosis: Diagnosis, faults: tuple[Finding, ...]) -> Diagnosis:
 def valve_diagnosis(
     specimen: str, admitted: Admitted, splits: Sequence[Split], faults: tuple[Finding, ...]
 ) -> Diagnosis:
-    """Write down a diagnosis of recordings that hold valves alone."""
+    """Write down a diagnosis of recordings that hold valves alone.
+
+    Raises:
+        InputError: No valve's law could be learnt and judged.
+    """
+    if not splits:
+        seen = " ".join(fault.statement for fault in faults)
+        raise InputError(
+            ", ".join(recording.name for recording in admitted.suspects),
+            "no valve can be judged: while one is open, more than 50 readings of its set-point and pressure "
+            f"together are needed, some of them in the second half{seen and f' ({seen})'}",
+            "record at least 20 s in which pressures rise above 10 kPa and come down again",
+        )
     rms: dict[str, list[float]] = {}
     noise: dict[str, list[float]] = {}
     for split in splits:
