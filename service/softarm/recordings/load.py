@@ -5,7 +5,7 @@ from pathlib import Path
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
-from softarm.estimator.files import require_free, whole_files
+from softarm.estimator.files import parse_toml, require_free, whole_files
 from softarm.estimator.recording import Recording
 from softarm.recordings.c3d import read_c3d
 from softarm.recordings.info import format_info, read_info, sidecar
@@ -58,13 +58,21 @@ def output_file(path: Path, *, force: bool) -> Path:
     """Return the file that `save_recording` writes for a path, and refuse what it would refuse.
 
     Raises:
-        InputError: The format is not one that is written, the path exists, or its folder cannot be written.
+        InputError: The format is not one that is written, the path or the TOML of a table exists, or the
+            folder cannot be written.
     """
+    path = _data_file_to_write(path)
+    require_free(path, force=force)
+    if path.suffix in TABLES:
+        require_free(sidecar(path), force=force)
+    return path
+
+
+def _data_file_to_write(path: Path) -> Path:
     if path.is_dir() or not path.suffix:
         path = path / f"{STEM}.csv"
     if path.suffix not in WRITTEN:
         raise InputError(str(path), f"{path.suffix} is not written", f"end the path in {', '.join(WRITTEN)}")
-    require_free(path, force=force)
     return path
 
 
@@ -81,26 +89,38 @@ def save_recording(
         attachments: More files to keep, in MCAP inside, else beside; such as ``specimen.toml``.
 
     Returns:
-        The files written.
+        The files written; a TOML file that holds the same already stays.
 
     Raises:
-        InputError: The format is not one that is written, or the path exists.
+        InputError: The format is not one that is written, or one of the files exists.
     """
-    path = output_file(path, force=force)
+    path = _data_file_to_write(path)
+    require_free(path, force=force)
     if path.suffix == ".mcap":
         with whole_files(path) as (draft,), draft.open("wb") as file:
             write_recording(recording, file, attachments)
         return (path,)
     from softarm.recordings.table import write_csv, write_parquet
 
-    siblings = [path.parent / name for name in attachments or {}]
-    with whole_files(sidecar(path), *siblings, path) as drafts:
-        drafts[0].write_bytes(format_info(recording.info))
-        for draft, data in zip(drafts[1:-1], (attachments or {}).values(), strict=True):
+    contents = {sidecar(path): format_info(recording.info)}
+    contents |= {path.parent / name: data for name, data in (attachments or {}).items()}
+    contents = {sibling: data for sibling, data in contents.items() if not _holds(sibling, data)}
+    for sibling in contents:
+        require_free(sibling, force=force)
+    with whole_files(*contents, path) as drafts:
+        for draft, data in zip(drafts[:-1], contents.values(), strict=True):
             draft.write_bytes(data)
         write = write_csv if path.suffix == ".csv" else write_parquet
         write(recording, drafts[-1])
-    return (path, sidecar(path), *siblings)
+    return (path, *contents)
+
+
+def _holds(file: Path, data: bytes) -> bool:
+    """Return whether a TOML file says the same as some bytes, perhaps in another layout."""
+    try:
+        return file.is_file() and parse_toml(str(file), file.read_bytes()) == parse_toml(str(file), data)
+    except InputError:
+        return False
 
 
 def read_attachments(path: Path) -> dict[str, bytes]:
