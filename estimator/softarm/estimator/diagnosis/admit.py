@@ -1,6 +1,6 @@
 """Which recordings can carry a diagnosis, and what is wrong with the others in one line."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -46,6 +46,13 @@ class Admitted:
     def all(self) -> list[tuple[Recording, bool]]:
         """Every recording and whether it is nominal, nominal ones first."""
         return [(r, True) for r in self.nominal] + [(r, False) for r in self.suspects]
+
+    def only(self, names: Collection[str]) -> "Admitted":
+        """Keep the recordings of some names."""
+        suspects, nominal = (
+            tuple(one for one in group if one.name in names) for group in (self.suspects, self.nominal)
+        )
+        return Admitted(suspects, nominal, self.notes)
 
     def mended(self, mend: Callable[[Recording], Recording], notes: Sequence[str]) -> "Admitted":
         """Mend every recording, and note why."""

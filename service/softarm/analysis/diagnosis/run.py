@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 
@@ -135,7 +135,8 @@ def run(
     sessions, notes = sessions_of(admitted, request.specimen, model, intakes)
     if _without_axes(request.specimen, sessions):
         advance("finding the axes of bends")
-        specimen, words = with_axes(request.specimen, admitted, model.sections, rod())
+        arranged = admitted.only({session.name for session in sessions})
+        specimen, words = with_axes(request.specimen, arranged, model.sections, rod())
         model = replace(model, specimen=specimen)
         sessions, notes = sessions_of(admitted, specimen, model, intakes)
         notes = (*notes, words)
@@ -254,18 +255,27 @@ def _calibrated(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen:
 def sessions_of(
     admitted: Admitted, specimen: Specimen, model: Model, intakes: Sequence[Intake] = ()
 ) -> tuple[tuple[Session, ...], tuple[str, ...]]:
-    """Bring all recordings to the rate of a diagnosis.
+    """Bring all recordings to the rate of a diagnosis; those that do not fit the arm are set aside.
 
     Args:
         admitted: Recordings as fits may see them.
         specimen: The robot.
         model: Its model.
         intakes: Hold what some of them read during events, which goes beside what fits may see.
+
+    Raises:
+        InputError: None in question, or no nominal one, fits the arm or holds its motion.
     """
     eventful = {intake.recording.name: intake for intake in intakes if intake.events}
     notes = list(admitted.notes)
-    native, steps = [], []
-    for recording, nominal in admitted.all:
+
+    def brought(recording: Recording, *, nominal: bool) -> tuple[Session, float]:
+        """Return a session at its own rate, and the window of its means [s]."""
+        if not motion_columns(recording):
+            what = "holds no motion of the arm, only valves, which are compared by themselves"
+            raise InputError(
+                recording.name, what, "record the arm's bends, frames or markers along with them"
+            )
         intake = eventful.get(recording.name)
         prepared = prepare(
             intake.with_events(recording) if intake else recording,
@@ -274,7 +284,7 @@ def sessions_of(
             nominal=nominal,
             events=[event.interval for event in intake.events] if intake else (),
         )
-        notes += prepared.notes
+        notes.extend(prepared.notes)
         frequency = ring_frequency(prepared.session)
         release = find_release(prepared.session, frequency)
         if release is not None:
@@ -283,8 +293,13 @@ def sessions_of(
                 "only what follows the vibration is used."
             )
         session = release.session if release else prepared.session
-        native.append(session)
-        steps.append(_step(session, frequency))
+        return session, _step(session, frequency)
+
+    groups = (
+        usable(group, partial(brought, nominal=nominal), notes)
+        for group, nominal in ((admitted.nominal, True), (admitted.suspects, False))
+    )
+    native, steps = zip(*chain(*groups), strict=True)
     total = sum(session.seconds / step for session, step in zip(native, steps, strict=True))
     stretch = max(1.0, total / SAMPLES)
     sessions = tuple(averaged(one, step * stretch) for one, step in zip(native, steps, strict=True))
