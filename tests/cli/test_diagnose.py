@@ -75,3 +75,22 @@ def test_what_was_left_out_of_a_recording_is_said(
     assert run(["diagnose", str(valve), "--specimen", "sopra", "--jobs", "1"]) == 0
     said = capsys.readouterr().err.splitlines()
     assert "valve: readings that cannot be true: pressure_0_pa 1 spikes; counted as lost." in said
+
+
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("given", [True, False])
+def test_a_recording_that_cannot_be_read_is_set_aside_wherever_it_stands(
+    valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], *, first: bool, given: bool
+) -> None:
+    bad = tmp_path / "bad"
+    bad.mkdir()
+    (bad / "recording.csv").write_text("t_s,pressure_0_pa\n0,nonsense\n")
+    (valve / "recording.toml").write_text('specimen = "sopra"\n')
+    recordings = [str(bad), str(valve)] if first else [str(valve), str(bad)]
+    words = ["--specimen", "sopra"] if given else []
+    assert run(["diagnose", *recordings, *words, "--jobs", "1", "--json"]) == 0
+    printed, said = capsys.readouterr()
+    assert json.loads(printed)["recordings"] == ["valve"]
+    (line,) = (line for line in said.splitlines() if "set aside" in line)
+    assert line.startswith(f"{bad / 'recording.csv'}")
+    assert run(["diagnose", str(bad), *words, "--jobs", "1"]) == 2

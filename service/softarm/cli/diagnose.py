@@ -128,11 +128,11 @@ def command(
     from softarm.analysis.diagnosis.run import DiagnosisRequest, beside_the_model, improved_specimen, run
     from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
-    from softarm.analysis.offline.inputs import load_recordings, specimen_of
+    from softarm.analysis.offline.inputs import specimen_of_any
     from softarm.estimator.files import require_free
     from softarm.estimator.specimen import save_specimen
 
-    robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))
+    robot = specimen_of_any(specimen, recordings)
     request = DiagnosisRequest(recordings, nominal, robot, seed, effects)
     digest = digest_of(request)
     earlier = done_before(out, digest) if out is not None and not force else None

@@ -60,8 +60,19 @@ class Admitted:
         return Admitted(suspects, nominal, (*self.notes, *notes))
 
 
-def usable(group: Sequence[Given], take: Callable[[Given], Taken], notes: list[str]) -> tuple[Taken, ...]:
+def usable(
+    group: Sequence[Given],
+    take: Callable[[Given], Taken],
+    notes: list[str],
+    notify: Callable[[str], None] = lambda _: None,
+) -> tuple[Taken, ...]:
     """Take recordings one by one; one that is refused is set aside and noted where others are left.
+
+    Args:
+        group: What to take.
+        take: Takes one, or refuses it.
+        notes: Get a sentence for each that is set aside.
+        notify: Called with the same sentence.
 
     Raises:
         InputError: All of them are refused.
@@ -75,12 +86,25 @@ def usable(group: Sequence[Given], take: Callable[[Given], Taken], notes: list[s
             refusals.append(error)
     if refusals and not taken:
         raise refusals[0]
-    notes += [f"{error.where}: {error.what}; set aside, {error.cure}." for error in refusals]
+    for refusal in refusals:
+        notes.append(f"{refusal.where}: {refusal.what}; set aside, {refusal.cure}.")
+        notify(notes[-1])
     return tuple(taken)
 
 
-def admit(suspects: Sequence[Recording], nominal: Sequence[Recording], specimen: Specimen) -> Admitted:
+def admit(
+    suspects: Sequence[Recording],
+    nominal: Sequence[Recording],
+    specimen: Specimen,
+    notify: Callable[[str], None] = lambda _: None,
+) -> Admitted:
     """Check recordings, and set aside those that can decide nothing.
+
+    Args:
+        suspects: Recordings in question.
+        nominal: Recordings of the arm in its known state.
+        specimen: The robot.
+        notify: Called with what is set aside, and why.
 
     Raises:
         InputError: None in question, or no nominal one, is left: they are of another specimen, too short,
@@ -97,7 +121,7 @@ def admit(suspects: Sequence[Recording], nominal: Sequence[Recording], specimen:
         refuse_swapped_channels(recording, specimen)
         return recording
 
-    nominal, suspects = (usable(group, checked, notes) for group in (nominal, suspects))
+    nominal, suspects = (usable(group, checked, notes, notify) for group in (nominal, suspects))
     for recording in (*nominal, *suspects):
         notes += _time_notes(recording)
     if not any(moves(recording) or _opens_valves(recording) for recording in suspects):

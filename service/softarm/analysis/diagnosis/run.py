@@ -87,7 +87,7 @@ def run(
         executor: Runs independent work.
         advance: Called with what is being done.
         keep: Given the residuals and columns, before anything is looked for.
-        notify: Called with what was left out of the recordings, or assumed.
+        notify: Called with what was set aside, left out of the recordings, or assumed.
 
     Raises:
         InputError: A recording cannot be read, does not fit the specimen, or cannot decide anything.
@@ -95,9 +95,9 @@ def run(
     began = time.monotonic()
     advance("reading")
     effects = _known(request.effects)
-    suspects, nominal, unread = loaded(request)
+    suspects, nominal, unread = loaded(request, notify)
     suspects, nominal, intakes, found = take_all_in(suspects, nominal, request.specimen, notify)
-    admitted = admit(suspects, nominal, request.specimen)
+    admitted = admit(suspects, nominal, request.specimen, notify)
     questioned = {recording.name for recording in admitted.suspects}
     intakes, found = tuple(i for i in intakes if i.recording.name in questioned), (*unread, *found)
     stuck = tuple(one for recording, _ in admitted.all for one in stuck_pressures(recording))
@@ -132,7 +132,7 @@ def run(
     else:
         advance("preparing the model")
         model = rod_model(request.specimen, rod())
-    sessions, notes = sessions_of(admitted, request.specimen, model, intakes)
+    sessions, notes = sessions_of(admitted, request.specimen, model, intakes, notify)
     if _without_axes(request.specimen, sessions):
         advance("finding the axes of bends")
         arranged = admitted.only({session.name for session in sessions})
@@ -155,9 +155,13 @@ def run(
 
 
 def loaded(
-    request: DiagnosisRequest,
+    request: DiagnosisRequest, notify: Callable[[str], None] = lambda _: None
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[str, ...]]:
     """Load recordings; those that cannot be read are set aside.
+
+    Args:
+        request: Which recordings.
+        notify: Called with what was set aside, and why.
 
     Returns:
         The recordings in question, the nominal ones, and what was set aside and why.
@@ -169,7 +173,7 @@ def loaded(
         data_file(path)  # a path that was mistyped ends the diagnosis
     notes: list[str] = []
     groups = [
-        usable(group, lambda path: (path, load_recording(path, units_checked=False)), notes)
+        usable(group, lambda path: (path, load_recording(path, units_checked=False)), notes, notify)
         for group in (request.recordings, request.nominal)
     ]
     paths, recordings = zip(*chain(*groups), strict=True)
@@ -253,7 +257,11 @@ def _calibrated(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen:
 
 
 def sessions_of(
-    admitted: Admitted, specimen: Specimen, model: Model, intakes: Sequence[Intake] = ()
+    admitted: Admitted,
+    specimen: Specimen,
+    model: Model,
+    intakes: Sequence[Intake] = (),
+    notify: Callable[[str], None] = lambda _: None,
 ) -> tuple[tuple[Session, ...], tuple[str, ...]]:
     """Bring all recordings to the rate of a diagnosis; those that do not fit the arm are set aside.
 
@@ -262,6 +270,7 @@ def sessions_of(
         specimen: The robot.
         model: Its model.
         intakes: Hold what some of them read during events, which goes beside what fits may see.
+        notify: Called with what was set aside, and why.
 
     Raises:
         InputError: None in question, or no nominal one, fits the arm or holds its motion.
@@ -296,7 +305,7 @@ def sessions_of(
         return session, _step(session, frequency)
 
     groups = (
-        usable(group, partial(brought, nominal=nominal), notes)
+        usable(group, partial(brought, nominal=nominal), notes, notify)
         for group, nominal in ((admitted.nominal, True), (admitted.suspects, False))
     )
     native, steps = zip(*chain(*groups), strict=True)

@@ -102,6 +102,25 @@ def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[R
         raise InputError(f"{metadata}, specimen", f"{named!r}: {error.what}", error.cure) from None
 
 
+def specimen_of_any(given: str | None, paths: Sequence[Path]) -> Specimen:
+    """Load the specimen that is given, else that of the first recording that can be read.
+
+    Raises:
+        InputError: No recording can be read, or there is no specimen, or it cannot be read.
+    """
+    if given is not None:
+        return load_specimen(given)
+    refusals: list[InputError] = []
+    for path in paths:
+        try:
+            recording = load_recording(path, units_checked=False)
+        except InputError as error:
+            refusals.append(error)
+        else:
+            return specimen_of(None, [path], [recording])
+    raise refusals[0]
+
+
 def taken_in(recording: Recording, specimen: Specimen, notify: Callable[[str], None]) -> Intake:
     """Check and mend a recording: its units, labels and clocks; find its events, and report each.
 
