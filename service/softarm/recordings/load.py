@@ -37,7 +37,7 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
     """
     path = data_file(path)
     name = path.parent.name if path.stem == STEM and path.parent.name else path.stem
-    if path.suffix == ".mcap" or path.name.endswith(".mcap.part"):
+    if is_mcap(path):
         return read_mcap(path, name.removesuffix(".mcap"))
     info = read_info(column_map or sidecar(path))
     source = str(path)
@@ -126,10 +126,15 @@ def _holds(file: Path, data: bytes) -> bool:
 def read_attachments(path: Path) -> dict[str, bytes]:
     """Read the files kept with a recording: inside MCAP, or the TOML files beside a table."""
     path = data_file(path)
-    if path.suffix == ".mcap":
+    if is_mcap(path):
         return {k: v for k, v in read_contents(path).attachments.items() if k != INFO_FILE}
     specimen = path.parent / "specimen.toml"
     return {specimen.name: specimen.read_bytes()} if specimen.is_file() else {}
+
+
+def is_mcap(path: Path) -> bool:
+    """Return whether a data file is MCAP, complete or still being written."""
+    return path.name.endswith((".mcap", ".mcap.part"))
 
 
 def data_file(path: Path) -> Path:
@@ -146,7 +151,7 @@ def data_file(path: Path) -> Path:
         return present[0]
     if not path.is_file():
         raise InputError(str(path), "there is no such file or folder", "give the path of a recording")
-    if path.suffix not in READ and not path.name.endswith(".mcap.part"):
+    if path.suffix not in READ and not is_mcap(path):
         raise InputError(
             str(path),
             f"{path.suffix or 'a file without suffix'} is not read",
