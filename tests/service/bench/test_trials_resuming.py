@@ -8,6 +8,7 @@ import pytest
 from softarm.bench.trials import run
 from softarm.bench.trials.folders import Trial
 from softarm.bench.trials.outcome import TrialOutcome, add_outcome, read_outcomes
+from softarm.estimator.errors import InputError
 
 ONE = TrialOutcome("one", 12.5, 640.0, 0, "", {"verdict": "explained"})
 
@@ -28,6 +29,16 @@ def test_a_line_that_was_cut_off_is_done_again(tmp_path):
     assert read_outcomes(path) == [ONE]
     add_outcome(replace(ONE, seconds=3.0), path)
     assert read_outcomes(path) == [ONE, replace(ONE, seconds=3.0)]
+
+
+@pytest.mark.parametrize("line", ["nonsense", "[]", '{"trial": "one"}'])
+def test_a_line_that_is_no_outcome_is_named(tmp_path: Path, line: str):
+    path = tmp_path / "results.jsonl"
+    path.write_text(f"{ONE.line()}{line}\n")
+    with pytest.raises(
+        InputError, match=r"results\.jsonl, line 2: is no outcome of a trial; delete that line"
+    ):
+        read_outcomes(path)
 
 
 def test_only_the_same_trial_with_a_report_is_not_diagnosed_again(

@@ -5,6 +5,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
+from softarm.estimator.errors import InputError
+
 
 @dataclass(frozen=True)
 class TrialOutcome:
@@ -33,6 +37,9 @@ class TrialOutcome:
         return json.dumps(asdict(self)) + "\n"
 
 
+OUTCOME = TypeAdapter(TrialOutcome)
+
+
 def add_outcome(outcome: TrialOutcome, path: Path) -> None:
     """Add an outcome to those of earlier runs; what a killed run left of a line is overwritten."""
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -44,8 +51,21 @@ def add_outcome(outcome: TrialOutcome, path: Path) -> None:
 
 
 def read_outcomes(path: Path) -> list[TrialOutcome]:
-    """Read the outcomes of earlier runs, whole lines only; none where there is no file."""
+    """Read the outcomes of earlier runs, whole lines only; none where there is no file.
+
+    Raises:
+        InputError: A line is no outcome.
+    """
     if not path.exists():
         return []
-    lines = path.read_text().rpartition("\n")[0].splitlines()
-    return [TrialOutcome(**json.loads(line)) for line in lines if line]
+    lines = path.read_bytes().rpartition(b"\n")[0].splitlines()
+    return [_outcome(line, f"{path}, line {number}") for number, line in enumerate(lines, 1) if line]
+
+
+def _outcome(line: bytes, place: str) -> TrialOutcome:
+    try:
+        return OUTCOME.validate_json(line)
+    except ValidationError:
+        raise InputError(
+            place, "is no outcome of a trial", "delete that line, or give another --out"
+        ) from None
