@@ -65,6 +65,20 @@ def test_a_second_run_names_the_report_that_is_there(
     assert again.out.splitlines()[-1] == first.splitlines()[-1]
 
 
+def test_a_specimen_of_something_else_is_not_taken_for_what_a_diagnosis_wrote(
+    valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["diagnose", str(valve), "--specimen", "sopra", "--out", str(tmp_path / "out"), "--jobs", "1"]
+    written, other = tmp_path / "mine.toml", tmp_path / "other.toml"
+    other.write_text("mine = 1\n")
+    assert run([*command, "--write-specimen", str(written)]) == 0
+    capsys.readouterr()
+    assert run([*command, "--write-specimen", str(written)]) == 0
+    assert "holds this diagnosis already" in capsys.readouterr().err
+    assert run([*command, "--write-specimen", str(other)]) == 2
+    assert "other.toml: exists already" in capsys.readouterr().err
+
+
 def test_what_was_left_out_of_a_recording_is_said(
     valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
