@@ -108,3 +108,9 @@ def test_a_recording_that_cannot_be_read_is_set_aside_wherever_it_stands(
     (line,) = (line for line in said.splitlines() if "set aside" in line)
     assert line.startswith(f"{bad / 'recording.csv'}")
     assert run(["diagnose", str(bad), *words, "--jobs", "1"]) == 2
+
+
+@pytest.mark.parametrize("words", [["--nominal", "--specimen", "sopra"], ["--nominal"]])
+def test_nominal_needs_a_recording(words: list[str], valve: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["diagnose", str(valve), *words]) == 2
+    assert "'--nominal' needs at least one recording" in capsys.readouterr().err

@@ -1,6 +1,7 @@
 """``softarm diagnose RECORDING... --specimen S``: the physics that a model leaves out."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import click
@@ -57,11 +58,17 @@ class NominalCommand(click.Command):
     """A command whose ``--nominal`` takes every word up to the next option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Write ``--nominal A B`` as ``--nominal A --nominal B``."""
+        """Write ``--nominal A B`` as ``--nominal A --nominal B``.
+
+        Raises:
+            click.UsageError: No word follows.
+        """
         written: list[str] = []
         taking = False
-        for word in args:
+        for word, following in pairwise([*args, "-"]):
             if word == NOMINAL:
+                if following.startswith("-"):
+                    raise click.UsageError(f"Option '{NOMINAL}' needs at least one recording.", ctx)
                 taking = True
                 continue
             taking = taking and not word.startswith("-")
