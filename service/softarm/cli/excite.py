@@ -134,12 +134,15 @@ def _connect(
 
 
 def _offline_specimen(specimen: str | None, report: Path | None) -> "Specimen":
-    """Load the specimen given, or the one that the report names."""
+    """Load the specimen given, or the one kept with the report, else the one that the report names."""
+    from softarm.analysis.diagnosis.motion import specimen_file
     from softarm.analysis.diagnosis.report import read_report
     from softarm.estimator.specimen import load_specimen
 
     if specimen is None and report is not None:
-        return load_specimen(read_report(report).specimen)
+        named = read_report(report).specimen
+        kept = specimen_file(report if report.is_dir() else report.parent)
+        return load_specimen(kept if kept.is_file() else named)
     return load_specimen(specimen or "sopra")
 
 
