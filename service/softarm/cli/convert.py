@@ -36,7 +36,7 @@ def command(source: Path, target: Path, column_map: Path | None, force: bool, as
 
     Example: softarm convert run7.mcap run7
     """
-    if column_map is not None and source.suffix not in QUALISYS:
+    if column_map is not None and source.suffix.lower() not in QUALISYS:
         raise click.UsageError(f"--map is for Qualisys exports ({', '.join(QUALISYS)}), not for {source}")
     with progress(f"converting {source.name}"):
         recording = _names_its_specimen_from(load_recording(source, column_map), source, target)

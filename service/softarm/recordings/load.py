@@ -37,16 +37,17 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
     """
     path = data_file(path)
     name = path.parent.name if path.stem == STEM and path.parent.name else path.stem
+    suffix = path.suffix.lower()
     if is_mcap(path):
         return read_mcap(path, name.removesuffix(".mcap"))
     info = read_info(column_map or sidecar(path))
     source = str(path)
     columns: dict[str, Floats]
-    if path.suffix in TABLES:
+    if suffix in TABLES:
         from softarm.recordings.table import read_csv, read_parquet  # Polars, which a service never needs
 
-        columns = read_csv(path) if path.suffix == ".csv" else read_parquet(path)
-    elif path.suffix == ".c3d":
+        columns = read_csv(path) if suffix == ".csv" else read_parquet(path)
+    elif suffix == ".c3d":
         columns = read_c3d(path, info)
     else:
         columns = read_tsv(path, info)
@@ -134,7 +135,7 @@ def read_attachments(path: Path) -> dict[str, bytes]:
 
 def is_mcap(path: Path) -> bool:
     """Return whether a data file is MCAP, complete or still being written."""
-    return path.name.endswith((".mcap", ".mcap.part"))
+    return path.name.lower().endswith((".mcap", ".mcap.part"))
 
 
 def data_file(path: Path) -> Path:
@@ -151,7 +152,7 @@ def data_file(path: Path) -> Path:
         return present[0]
     if not path.is_file():
         raise InputError(str(path), "there is no such file or folder", "give the path of a recording")
-    if path.suffix not in READ and not is_mcap(path):
+    if path.suffix.lower() not in READ and not is_mcap(path):
         raise InputError(
             str(path),
             f"{path.suffix or 'a file without suffix'} is not read",

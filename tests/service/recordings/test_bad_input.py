@@ -141,6 +141,23 @@ def test_parquet_of_text_is_refused(tmp_path: Path) -> None:
         load_recording(tmp_path / "x.parquet")
 
 
+@pytest.mark.parametrize("end", ["", "\n\n", "\r\n\r\n", "\n \n"])
+def test_blank_lines_at_the_end_are_passed_over(end: str, tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_bytes(f"t_s,pressure_0_pa\n0,1500\n1,{end}".encode())
+    assert load_recording(tmp_path / "x.csv").time.tolist() == [0.0, 1.0]
+    (tmp_path / "x.csv").write_bytes(f"t_s,pressure_0_pa\n0,1500{end}".encode())
+    assert load_recording(tmp_path / "x.csv").pressure(0)[0].tolist() == [1500.0]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "mcap"])
+def test_a_suffix_may_be_in_capitals(small: Recording, suffix: str, tmp_path: Path) -> None:
+    save_recording(small, tmp_path / f"x.{suffix}")
+    (tmp_path / f"x.{suffix}").rename(tmp_path / f"X.{suffix.upper()}")
+    if suffix != "mcap":
+        (tmp_path / "x.toml").rename(tmp_path / "X.toml")
+    assert load_recording(tmp_path / f"X.{suffix.upper()}").info == small.info
+
+
 def test_nothing_is_replaced_unasked(small: Recording, tmp_path: Path) -> None:
     save_recording(small, tmp_path / "x.csv")
     with pytest.raises(InputError, match="exists already"):
