@@ -45,8 +45,9 @@ def distinct_names(names: Sequence[str], paths: Sequence[Path]) -> tuple[str, ..
         InputError: A recording is given twice.
     """
     places = [path.resolve() for path in paths]
-    for path, place in zip(paths, places, strict=True):
-        if places.count(place) > 1:
+    files = [data_file(path).resolve() if path.is_dir() else path.resolve() for path in paths]
+    for path, file in zip(paths, files, strict=True):
+        if files.count(file) > 1:
             raise InputError(f"recording {path}", "is given twice", "name every recording once")
     chosen = list(names)
     depth = 2
