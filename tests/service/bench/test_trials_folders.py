@@ -48,9 +48,21 @@ def test_a_specimen_beside_the_trial_is_taken(trials: Path):
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("", "names no specimen"), ("specimen = ", "is not TOML"), (None, "holds no trial")],
+    [
+        ("", "names no specimen"),
+        (
+            'specimen = "arm.toml"',
+            r"trial.toml, specimen: there is no 'arm.toml' in this folder.*put it there",
+        ),
+        ("specimen = ", "is not TOML"),
+        (None, "holds no trial"),
+    ],
 )
-def test_a_folder_that_is_not_complete_is_refused(trials: Path, text: str | None, words: str):
+def test_a_folder_that_is_not_complete_is_refused(
+    trials: Path, text: str | None, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.toml").touch()  # which is not beside the trial
     file = trials / "one" / "trial.toml"
     file.unlink() if text is None else file.write_text(text)
     with pytest.raises(InputError, match=words):

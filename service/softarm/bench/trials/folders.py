@@ -11,8 +11,9 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from softarm.estimator.errors import InputError
+from softarm.estimator.errors import InputError, suggest
 from softarm.estimator.files import read_toml
+from softarm.estimator.specimen import SHIPPED
 from softarm.estimator.specimen.problems import describe_errors
 
 TRIAL_FILE = "trial.toml"
@@ -94,6 +95,10 @@ def read_trial(folder: Path) -> Trial:
     if not isinstance(specimen, str):
         raise InputError(str(folder / TRIAL_FILE), "names no specimen", 'add specimen = "..."')
     local = folder / specimen
+    if not local.is_file() and specimen not in SHIPPED:
+        what = f"there is no {specimen!r} in this folder, and no such shipped specimen"
+        cure = suggest(specimen, SHIPPED, f"put it there, or name one of {', '.join(SHIPPED)}", cutoff=0.6)
+        raise InputError(f"{folder / TRIAL_FILE}, specimen", what, cure)
     questioned = _recordings(folder / "questioned")
     if not questioned:
         raise InputError(str(folder), "has no recording in question", "put recordings into questioned/")
