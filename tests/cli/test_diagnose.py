@@ -114,3 +114,16 @@ def test_a_recording_that_cannot_be_read_is_set_aside_wherever_it_stands(
 def test_nominal_needs_a_recording(words: list[str], valve: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["diagnose", str(valve), *words]) == 2
     assert "'--nominal' needs at least one recording" in capsys.readouterr().err
+
+
+def test_a_recording_of_which_no_valve_can_be_judged_is_named(
+    valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = (valve / "recording.csv").read_text().splitlines()
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(lines[:50]) + "\n")
+    words = ["--specimen", "sopra", "--jobs", "1"]
+    assert run(["diagnose", str(valve), str(short), *words]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("short: no valve can be judged; while one is open, more than 50 readings")
+    assert run(["diagnose", str(short), *words]) == 2

@@ -31,7 +31,13 @@ from softarm.estimator.diagnosis.release import find_release
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.diagnosis.stuck import stuck_findings, stuck_notes, stuck_pressures, without_pressures
-from softarm.estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, valve_findings, with_valves
+from softarm.estimator.diagnosis.valve_stage import (
+    not_judged,
+    splits_of,
+    valve_diagnosis,
+    valve_findings,
+    with_valves,
+)
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.accepted import physics_entry
 from softarm.estimator.errors import InputError, suggest
@@ -109,8 +115,11 @@ def run(
         *valve_findings(valves, known_valves),
         *stuck_findings([one for one in stuck if one.recording in questioned]),
     )
+    idle = not_judged(admitted, (*valves, *known_valves))
+    for words in idle:
+        notify(words)
     admitted = admitted.mended(
-        lambda one: without_pressures(one, stuck, by_set_points=True), stuck_notes(stuck)
+        lambda one: without_pressures(one, stuck, by_set_points=True), (*stuck_notes(stuck), *idle)
     )
     if not any(motion_columns(recording) for recording in admitted.suspects):
         diagnosis = valve_diagnosis(request.specimen.name, admitted, valves, faults)
