@@ -65,6 +65,20 @@ def test_a_second_run_names_the_report_that_is_there(
     assert again.out.splitlines()[-1] == first.splitlines()[-1]
 
 
+def test_a_specimen_of_something_else_is_not_taken_for_what_a_diagnosis_wrote(
+    valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    command = ["diagnose", str(valve), "--specimen", "sopra", "--out", str(tmp_path / "out"), "--jobs", "1"]
+    written, other = tmp_path / "mine.toml", tmp_path / "other.toml"
+    other.write_text("mine = 1\n")
+    assert run([*command, "--write-specimen", str(written)]) == 0
+    capsys.readouterr()
+    assert run([*command, "--write-specimen", str(written)]) == 0
+    assert "holds this diagnosis already" in capsys.readouterr().err
+    assert run([*command, "--write-specimen", str(other)]) == 2
+    assert "other.toml: exists already" in capsys.readouterr().err
+
+
 def test_what_was_left_out_of_a_recording_is_said(
     valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -75,3 +89,41 @@ def test_what_was_left_out_of_a_recording_is_said(
     assert run(["diagnose", str(valve), "--specimen", "sopra", "--jobs", "1"]) == 0
     said = capsys.readouterr().err.splitlines()
     assert "valve: readings that cannot be true: pressure_0_pa 1 spikes; counted as lost." in said
+
+
+@pytest.mark.parametrize("first", [True, False])
+@pytest.mark.parametrize("given", [True, False])
+def test_a_recording_that_cannot_be_read_is_set_aside_wherever_it_stands(
+    valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], *, first: bool, given: bool
+) -> None:
+    bad = tmp_path / "bad"
+    bad.mkdir()
+    (bad / "recording.csv").write_text("t_s,pressure_0_pa\n0,nonsense\n")
+    (valve / "recording.toml").write_text('specimen = "sopra"\n')
+    recordings = [str(bad), str(valve)] if first else [str(valve), str(bad)]
+    words = ["--specimen", "sopra"] if given else []
+    assert run(["diagnose", *recordings, *words, "--jobs", "1", "--json"]) == 0
+    printed, said = capsys.readouterr()
+    assert json.loads(printed)["recordings"] == ["valve"]
+    (line,) = (line for line in said.splitlines() if "set aside" in line)
+    assert line.startswith(f"{bad / 'recording.csv'}")
+    assert run(["diagnose", str(bad), *words, "--jobs", "1"]) == 2
+
+
+@pytest.mark.parametrize("words", [["--nominal", "--specimen", "sopra"], ["--nominal"]])
+def test_nominal_needs_a_recording(words: list[str], valve: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(["diagnose", str(valve), *words]) == 2
+    assert "'--nominal' needs at least one recording" in capsys.readouterr().err
+
+
+def test_a_recording_of_which_no_valve_can_be_judged_is_named(
+    valve: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    lines = (valve / "recording.csv").read_text().splitlines()
+    short = tmp_path / "short.csv"
+    short.write_text("\n".join(lines[:50]) + "\n")
+    words = ["--specimen", "sopra", "--jobs", "1"]
+    assert run(["diagnose", str(valve), str(short), *words]) == 0
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("short: no valve can be judged; while one is open, more than 50 readings")
+    assert run(["diagnose", str(short), *words]) == 2

@@ -1,16 +1,18 @@
 """``softarm excite``: plans without an arm, and what it refuses."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from softarm.analysis.diagnosis.motion import specimen_file
 from softarm.analysis.diagnosis.report import report_of
 from softarm.cli import run
 from softarm.cli.excite import plan_tables, shortened
 from softarm.estimator.excitation import ChosenManoeuvre, ExcitationPlan, Manoeuvre
-from softarm.estimator.specimen import load_specimen
+from softarm.estimator.specimen import load_specimen, save_specimen
 from softarm.experiments.excitation_plan import count_of_pairs, manoeuvres_of
 from tests.service.diagnosis.made_diagnosis import diagnosis
 
@@ -48,6 +50,15 @@ def test_a_report_of_another_specimen_is_refused(tmp_path: Path, capsys: pytest.
     (tmp_path / "report.json").write_text(report_of(diagnosis()).dump())
     assert run(["excite", "--dry-run", "--specimen", "single_segment", "--report", str(tmp_path)]) == 2
     assert "give the specimen that was diagnosed" in capsys.readouterr().err
+
+
+def test_a_report_on_a_specimen_of_ones_own_is_planned_on_what_was_kept(tmp_path: Path):
+    found = replace(diagnosis(), specimen="mine", findings=())
+    (tmp_path / "report.json").write_text(report_of(found).dump())
+    own = load_specimen("beam").model_copy(update={"name": "mine"})
+    save_specimen(own, specimen_file(tmp_path))
+    for report in (tmp_path, tmp_path / "report.json"):
+        assert run(["excite", "--dry-run", "--report", str(report)]) == 0
 
 
 def test_a_plan_is_cut_to_the_time_there_is():

@@ -127,3 +127,17 @@ def test_quick_work_on_a_pipe_says_nothing(capsys: pytest.CaptureFixture[str]) -
     with progress("work", 3) as advance:
         advance(1)
     assert capsys.readouterr().err == ""
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["doctor", "--config", "x.toml", "--seconds", "nan"],
+        ["excite", "--dry-run", "--minutes", "nan"],
+        ["excite", "--dry-run", "--share", "nan"],
+        ["estimate", "run", "--rate", "nan"],
+    ],
+)
+def test_no_range_holds_what_is_no_number(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert run(words) == 2
+    assert f"'{words[-2]}': 'nan' is not a number" in capsys.readouterr().err

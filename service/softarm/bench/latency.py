@@ -13,7 +13,7 @@ from pathlib import Path
 import click
 import numpy as np
 
-from softarm.cli.output import json_option, progress, quick_option, show
+from softarm.cli.output import NumberRange, json_option, progress, quick_option, show
 from softarm.common.errors import WorkFailedError
 from softarm.common.rods import trusted_rod
 from softarm.common.shipped import fake_specimen
@@ -100,7 +100,7 @@ CASES = tuple(
 
 seconds_option = click.option(
     "--seconds",
-    type=click.FloatRange(min=1.0),
+    type=NumberRange(min=1.0),
     default=12.0,
     show_default=True,
     help="Duration of each measurement.",

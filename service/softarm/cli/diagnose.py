@@ -1,6 +1,7 @@
 """``softarm diagnose RECORDING... --specimen S``: the physics that a model leaves out."""
 
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
 
 import click
@@ -57,11 +58,17 @@ class NominalCommand(click.Command):
     """A command whose ``--nominal`` takes every word up to the next option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
-        """Write ``--nominal A B`` as ``--nominal A --nominal B``."""
+        """Write ``--nominal A B`` as ``--nominal A --nominal B``.
+
+        Raises:
+            click.UsageError: No word follows.
+        """
         written: list[str] = []
         taking = False
-        for word in args:
+        for word, following in pairwise([*args, "-"]):
             if word == NOMINAL:
+                if following.startswith("-"):
+                    raise click.UsageError(f"Option '{NOMINAL}' needs at least one recording.", ctx)
                 taking = True
                 continue
             taking = taking and not word.startswith("-")
@@ -116,11 +123,18 @@ def command(
     The command calibrates the model, locates the mismatch, tries every known effect at every place, and
     accepts the effects that improve the prediction of held-out data. If the recordings cannot distinguish two
     effects, both are named, with the manoeuvre that would separate them. A mismatch that no effect explains
-    is called unknown. If --out already holds the diagnosis of the same recordings, it is not repeated.
+    is called unknown. If --out already holds the diagnosis of the same recordings, and the
+    specimen that it wrote is still there, it is not repeated.
 
     Example: softarm diagnose run1 run2 --nominal known1 --specimen sopra --out report
     """
-    from softarm.analysis.diagnosis.done import digest_of, done_before, write_digest, write_report
+    from softarm.analysis.diagnosis.done import (
+        digest_of,
+        done_before,
+        write_digest,
+        write_report,
+        wrote_before,
+    )
     from softarm.analysis.diagnosis.html import FILE as HTML
     from softarm.analysis.diagnosis.html import write_html
     from softarm.analysis.diagnosis.motion import write_motions
@@ -128,15 +142,19 @@ def command(
     from softarm.analysis.diagnosis.run import DiagnosisRequest, beside_the_model, improved_specimen, run
     from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
-    from softarm.analysis.offline.inputs import load_recordings, specimen_of
+    from softarm.analysis.offline.inputs import specimen_of_any
     from softarm.estimator.files import require_free
     from softarm.estimator.specimen import save_specimen
 
-    robot = specimen_of(specimen, recordings, load_recordings(recordings[:1]))
+    robot = specimen_of_any(specimen, recordings)
     request = DiagnosisRequest(recordings, nominal, robot, seed, effects)
     digest = digest_of(request)
     earlier = done_before(out, digest) if out is not None and not force else None
-    if out is not None and earlier is not None and (write_specimen is None or write_specimen.exists()):
+    if (
+        out is not None
+        and earlier is not None
+        and (write_specimen is None or wrote_before(out, write_specimen))
+    ):
         say(f"{out} holds this diagnosis already; --force repeats it")
         words = f"{earlier.specimen}: {earlier.verdict.replace('_', ' ')}.\nReport: {out / HTML}"
         click.echo(earlier.dump() if as_json else words, nl=not as_json)
@@ -157,7 +175,7 @@ def command(
         save_specimen(improved_specimen(robot, outcome), write_specimen)
         say(f"wrote {write_specimen}{_without(beside_the_model(outcome))}")
     if out is not None:
-        write_digest(digest, out)
+        write_digest(digest, out, write_specimen)
     if as_json:
         click.echo(report.dump(), nl=False)
     else:

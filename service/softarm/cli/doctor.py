@@ -9,7 +9,7 @@ from typing import Any
 
 import click
 
-from softarm.cli.output import PATH, json_option, progress, show
+from softarm.cli.output import PATH, NumberRange, json_option, progress, show
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import ConfigError, load_config
@@ -123,7 +123,7 @@ class Examination:
     "--seconds",
     default=2.0,
     show_default=True,
-    type=click.FloatRange(min=0.1, max=600.0),
+    type=NumberRange(min=0.1, max=600.0),
     help="How long to listen to each device.",
 )
 @click.option(

@@ -7,6 +7,7 @@ import click
 
 from softarm.cli.output import (
     FOLDER,
+    NumberRange,
     force_option,
     json_option,
     out_option,
@@ -39,7 +40,7 @@ NAMES = {"fem": "finite elements", "rod": "calibrated rod"}
 @click.option("--plots", type=FOLDER, help="Folder for the plots; by default plots/NAME beside --out.")
 @click.option(
     "--rate",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=NumberRange(min=0.0, min_open=True),
     default=DEFAULT_RATE,
     show_default=True,
     metavar="HZ",

@@ -11,6 +11,7 @@ import click
 from softarm.cli.output import (
     PATH,
     PICTURE,
+    NumberRange,
     folder_option,
     json_option,
     progress,
@@ -44,12 +45,12 @@ if TYPE_CHECKING:
 @click.option("--by-hand", is_flag=True, help="An operator is present to turn the mount and pluck the arm.")
 @click.option(
     "--share",
-    type=click.FloatRange(0.05, 1.0),
+    type=NumberRange(0.05, 1.0),
     default=0.75,
     show_default=True,
     help="Fraction of the pressure limits to use.",
 )
-@click.option("--minutes", type=click.FloatRange(min=0.1), help="Leave out manoeuvres that would end later.")
+@click.option("--minutes", type=NumberRange(min=0.1), help="Leave out manoeuvres that would end later.")
 @click.option("--dry-run", is_flag=True, help="Print the plan and move nothing.")
 @click.option("--plot", type=PICTURE, help="Write a picture of the planned pressures.")
 @folder_option("With --fake: folder of the service's configuration, logs and recordings.", "out/excite")
@@ -134,12 +135,15 @@ def _connect(
 
 
 def _offline_specimen(specimen: str | None, report: Path | None) -> "Specimen":
-    """Load the specimen given, or the one that the report names."""
+    """Load the specimen given, or the one kept with the report, else the one that the report names."""
+    from softarm.analysis.diagnosis.motion import specimen_file
     from softarm.analysis.diagnosis.report import read_report
     from softarm.estimator.specimen import load_specimen
 
     if specimen is None and report is not None:
-        return load_specimen(read_report(report).specimen)
+        named = read_report(report).specimen
+        kept = specimen_file(report if report.is_dir() else report.parent)
+        return load_specimen(kept if kept.is_file() else named)
     return load_specimen(specimen or "sopra")
 
 

@@ -37,6 +37,17 @@ class Folder(click.Path):
         return folder
 
 
+class NumberRange(click.FloatRange):
+    """A range of numbers that holds no ``nan``, of which every comparison is false."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the number, and refuse what is none."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value!r} is not a number.", param, ctx)
+        return number
+
+
 PATH = click.Path(path_type=Path)
 """Type of an option that is a path."""
 FOLDER = Folder()

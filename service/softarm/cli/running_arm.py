@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 import click
 
-from softarm.cli.output import PATH
+from softarm.cli.output import PATH, NumberRange
 from softarm.common.errors import WorkFailedError
 from softarm_client import Arm
 from softarm_client.commands import FILE_NAME, LONGEST_NAME
@@ -44,7 +44,7 @@ def file_name(value: str) -> str:
 
 def seconds_option(what: str) -> Callable[[Command], Command]:
     """Add ``--seconds``, passed as ``seconds``: how long something lasts."""
-    duration = click.FloatRange(min=0.0, min_open=True)
+    duration = NumberRange(min=0.0, min_open=True)
     return click.option("--seconds", type=duration, help=f"{what}; by default until Ctrl-C.")
 
 

@@ -14,7 +14,7 @@ from typing import TextIO
 
 import click
 
-from softarm.cli.output import PATH, progress
+from softarm.cli.output import PATH, NumberRange, progress
 from softarm.common.errors import WorkFailedError
 from softarm.common.rods import cache_directory, known_trusted_rod, trusted_rod
 from softarm.daemon.app import Replay, Service
@@ -40,7 +40,7 @@ SWITCH_S = 2e-4
 @click.option("--replay", type=PATH, help="Play this recording instead of the instruments.")
 @click.option(
     "--speed",
-    type=click.FloatRange(min=0.0, min_open=True),
+    type=NumberRange(min=0.0, min_open=True),
     default=1.0,
     show_default=True,
     help="Speed of the replay; 2 is twice as fast as recorded.",

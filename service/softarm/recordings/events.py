@@ -10,7 +10,7 @@ from typing import Any
 from mcap.records import Channel, Message
 
 from softarm.recordings.columns import TIME
-from softarm.recordings.load import data_file
+from softarm.recordings.load import data_file, is_mcap
 from softarm.recordings.mcap_records import walk
 
 TOPIC = "event"
@@ -43,7 +43,7 @@ def load_events(path: Path) -> tuple[RecordedEvent, ...]:
         InputError: There is no such recording.
     """
     path = data_file(path)
-    if ".mcap" not in path.suffixes or not path.stat().st_size:
+    if not is_mcap(path) or not path.stat().st_size:
         return ()
     channels: set[int] = set()
     events = []

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
-from softarm.estimator.files import require_free, whole_files
+from softarm.estimator.files import parse_toml, require_free, whole_files
 from softarm.estimator.recording import Recording
 from softarm.recordings.c3d import read_c3d
 from softarm.recordings.info import format_info, read_info, sidecar
@@ -37,16 +37,17 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
     """
     path = data_file(path)
     name = path.parent.name if path.stem == STEM and path.parent.name else path.stem
-    if path.suffix == ".mcap" or path.name.endswith(".mcap.part"):
+    suffix = path.suffix.lower()
+    if is_mcap(path):
         return read_mcap(path, name.removesuffix(".mcap"))
     info = read_info(column_map or sidecar(path))
     source = str(path)
     columns: dict[str, Floats]
-    if path.suffix in TABLES:
+    if suffix in TABLES:
         from softarm.recordings.table import read_csv, read_parquet  # Polars, which a service never needs
 
-        columns = read_csv(path) if path.suffix == ".csv" else read_parquet(path)
-    elif path.suffix == ".c3d":
+        columns = read_csv(path) if suffix == ".csv" else read_parquet(path)
+    elif suffix == ".c3d":
         columns = read_c3d(path, info)
     else:
         columns = read_tsv(path, info)
@@ -58,13 +59,21 @@ def output_file(path: Path, *, force: bool) -> Path:
     """Return the file that `save_recording` writes for a path, and refuse what it would refuse.
 
     Raises:
-        InputError: The format is not one that is written, the path exists, or its folder cannot be written.
+        InputError: The format is not one that is written, the path or the TOML of a table exists, or the
+            folder cannot be written.
     """
+    path = _data_file_to_write(path)
+    require_free(path, force=force)
+    if path.suffix in TABLES:
+        require_free(sidecar(path), force=force)
+    return path
+
+
+def _data_file_to_write(path: Path) -> Path:
     if path.is_dir() or not path.suffix:
         path = path / f"{STEM}.csv"
     if path.suffix not in WRITTEN:
         raise InputError(str(path), f"{path.suffix} is not written", f"end the path in {', '.join(WRITTEN)}")
-    require_free(path, force=force)
     return path
 
 
@@ -81,35 +90,52 @@ def save_recording(
         attachments: More files to keep, in MCAP inside, else beside; such as ``specimen.toml``.
 
     Returns:
-        The files written.
+        The files written; a TOML file that holds the same already stays.
 
     Raises:
-        InputError: The format is not one that is written, or the path exists.
+        InputError: The format is not one that is written, or one of the files exists.
     """
-    path = output_file(path, force=force)
+    path = _data_file_to_write(path)
+    require_free(path, force=force)
     if path.suffix == ".mcap":
         with whole_files(path) as (draft,), draft.open("wb") as file:
             write_recording(recording, file, attachments)
         return (path,)
     from softarm.recordings.table import write_csv, write_parquet
 
-    siblings = [path.parent / name for name in attachments or {}]
-    with whole_files(sidecar(path), *siblings, path) as drafts:
-        drafts[0].write_bytes(format_info(recording.info))
-        for draft, data in zip(drafts[1:-1], (attachments or {}).values(), strict=True):
+    contents = {sidecar(path): format_info(recording.info)}
+    contents |= {path.parent / name: data for name, data in (attachments or {}).items()}
+    contents = {sibling: data for sibling, data in contents.items() if not _holds(sibling, data)}
+    for sibling in contents:
+        require_free(sibling, force=force)
+    with whole_files(*contents, path) as drafts:
+        for draft, data in zip(drafts[:-1], contents.values(), strict=True):
             draft.write_bytes(data)
         write = write_csv if path.suffix == ".csv" else write_parquet
         write(recording, drafts[-1])
-    return (path, sidecar(path), *siblings)
+    return (path, *contents)
+
+
+def _holds(file: Path, data: bytes) -> bool:
+    """Return whether a TOML file says the same as some bytes, perhaps in another layout."""
+    try:
+        return file.is_file() and parse_toml(str(file), file.read_bytes()) == parse_toml(str(file), data)
+    except InputError:
+        return False
 
 
 def read_attachments(path: Path) -> dict[str, bytes]:
     """Read the files kept with a recording: inside MCAP, or the TOML files beside a table."""
     path = data_file(path)
-    if path.suffix == ".mcap":
+    if is_mcap(path):
         return {k: v for k, v in read_contents(path).attachments.items() if k != INFO_FILE}
     specimen = path.parent / "specimen.toml"
     return {specimen.name: specimen.read_bytes()} if specimen.is_file() else {}
+
+
+def is_mcap(path: Path) -> bool:
+    """Return whether a data file is MCAP, complete or still being written."""
+    return path.name.lower().endswith((".mcap", ".mcap.part"))
 
 
 def data_file(path: Path) -> Path:
@@ -126,7 +152,7 @@ def data_file(path: Path) -> Path:
         return present[0]
     if not path.is_file():
         raise InputError(str(path), "there is no such file or folder", "give the path of a recording")
-    if path.suffix not in READ and not path.name.endswith(".mcap.part"):
+    if path.suffix.lower() not in READ and not is_mcap(path):
         raise InputError(
             str(path),
             f"{path.suffix or 'a file without suffix'} is not read",

@@ -23,9 +23,12 @@ def mapped_names(source: str, labels: Sequence[str], info: Mapping[str, Any], ta
         The name of each label, ``None`` for one to be dropped.
 
     Raises:
-        InputError: The map names a label that is not there, gives a name twice, or a name is unusable.
+        InputError: The map is no table of names, names a label that is not there, gives a name twice, or a
+            name is unusable.
     """
     mapping = info.get(table)
+    if mapping is not None:
+        _check_names(f"{source}, {table}", mapping)
     if mapping is None:
         names: list[str | None] = [_plain(label) for label in labels]
     else:
@@ -48,6 +51,14 @@ def mapped_names(source: str, labels: Sequence[str], info: Mapping[str, Any], ta
                 "use letters, digits, _ and -",
             )
     return names
+
+
+def _check_names(where: str, mapping: object) -> None:
+    if not isinstance(mapping, Mapping):
+        raise InputError(where, f"is {mapping!r}, not a table", 'write a line "label" = "name" for each')
+    for label, name in mapping.items():
+        if not isinstance(name, str):
+            raise InputError(where, f"{label!r} is {name!r}, not a name", "give a text in quotes")
 
 
 def _plain(label: str) -> str:

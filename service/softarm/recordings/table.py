@@ -2,6 +2,7 @@
 
 import csv
 from collections.abc import Mapping
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ LONGEST_SHOWN = 30
 
 
 def read_csv(path: Path) -> dict[str, Floats]:
-    """Read a CSV file's columns; an empty cell becomes NaN.
+    """Read a CSV file's columns; an empty cell becomes NaN, and blank lines at the end are passed over.
 
     Raises:
         InputError: The file is empty, a column is misnamed, a cell is not a number, or a row has not as many
@@ -27,15 +28,16 @@ def read_csv(path: Path) -> dict[str, Floats]:
     source = str(path)
     header = _header(path)
     check_names(source, header)
+    data = path.read_bytes().rstrip()
     try:
-        table = pl.read_csv(path, schema=dict.fromkeys(header, pl.Float64), encoding="utf8")
+        table = pl.read_csv(data, schema=dict.fromkeys(header, pl.Float64), encoding="utf8")
     except pl.exceptions.NoDataError:
         return {name: np.empty(0) for name in header}
     except pl.exceptions.PolarsError:
-        return _read_cell_by_cell(path, header)
+        return _read_cell_by_cell(path, data, header)
     # the fast reader fills short rows with nulls
-    if path.read_bytes().count(b",") != (table.height + 1) * (len(header) - 1):
-        return _read_cell_by_cell(path, header)
+    if data.count(b",") != (table.height + 1) * (len(header) - 1):
+        return _read_cell_by_cell(path, data, header)
     return _arrays(table)
 
 
@@ -98,22 +100,21 @@ def _frame(recording: Recording) -> pl.DataFrame:
     return pl.DataFrame({name: pl.Series(name, values, dtype=pl.Float64) for name, values in columns.items()})
 
 
-def _read_cell_by_cell(path: Path, header: list[str]) -> dict[str, Floats]:
+def _read_cell_by_cell(path: Path, data: bytes, header: list[str]) -> dict[str, Floats]:
     """Read a table that is not what the fast reader takes, to name the cell or row at fault."""
     columns: list[list[float]] = [[] for _ in header]
     # what is no text becomes a cell that is no number, whose row is then named
-    with path.open(encoding="utf-8-sig", newline="", errors="replace") as file:
-        reader = csv.reader(file)
-        next(reader)
-        for index, cells in enumerate(reader):
-            if len(cells) != len(header):
-                raise InputError(
-                    f"{path}, {row(str(path), index)}",
-                    f"has {len(cells)} cells, the header {len(header)}",
-                    "write one cell per column; remove the row if the file was cut off there",
-                )
-            for values, name, cell in zip(columns, header, cells, strict=True):
-                values.append(_number(path, index, name, cell.strip()))
+    reader = csv.reader(StringIO(data.decode("utf-8-sig", errors="replace"), newline=""))
+    next(reader)
+    for index, cells in enumerate(reader):
+        if len(cells) != len(header):
+            raise InputError(
+                f"{path}, {row(str(path), index)}",
+                f"has {len(cells)} cells, the header {len(header)}",
+                "write one cell per column; remove the row if the file was cut off there",
+            )
+        for values, name, cell in zip(columns, header, cells, strict=True):
+            values.append(_number(path, index, name, cell.strip()))
     return {name: np.array(values) for name, values in zip(header, columns, strict=True)}
 
 

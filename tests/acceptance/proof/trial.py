@@ -18,6 +18,7 @@ from softarm.bench.trials.outcome import TrialOutcome
 from softarm.bench.trials.run import RESULTS, WRITTEN, diagnose_trial
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import SHIPPED
 
 ORDINARY = ("random_holds", "ramps")
 """Manoeuvres that count as ordinary motion."""
@@ -101,11 +102,16 @@ def lay_out(trial: SealedTrial, motion: str, folders: Folders, specimen: str) ->
         (folder / part).mkdir(parents=True)
         for run in runs:
             (folder / part / run.name).symlink_to(run.resolve())
-    (folder / TRIAL_FILE).write_text(tomli_w.dumps({"specimen": specimen}))
+    (folder / TRIAL_FILE).write_text(tomli_w.dumps({"specimen": _named(specimen)}))
     folders.answers.mkdir(parents=True, exist_ok=True)
     answer = {"kind": trial.kind, "motion": motion, "concealed": concealed(folders.truth(trial))}
     (folders.answers / f"{name}.toml").write_text(tomli_w.dumps(answer))
     return read_trial(folder)
+
+
+def _named(specimen: str) -> str:
+    """Return what a trial calls a specimen that a command names from its own folder."""
+    return specimen if specimen in SHIPPED else str(Path(specimen).resolve())
 
 
 def concealed(truth: Path) -> list[dict[str, Any]]:

@@ -48,9 +48,11 @@ def _named(recording: Recording, name: str) -> Recording:
 def test_one_of_several_that_cannot_decide_is_set_aside(bad: Recording, words: str, *, nominal: bool) -> None:
     good, bad = _named(_recording(), "good"), _named(bad, "bad")
     groups = ([good], [good, bad]) if nominal else ([good, bad], [good])
-    admitted = admit(*groups, SOPRA)
+    said: list[str] = []
+    admitted = admit(*groups, SOPRA, said.append)
     assert admitted.suspects == admitted.nominal == (good,)
     (note,) = admitted.notes
+    assert said == [note]
     assert note.startswith("bad")
     assert words in note.partition("; set aside, ")[0]
     with pytest.raises(InputError, match=words):

@@ -12,6 +12,7 @@ from softarm.estimator.diagnosis.valve_stage import (
     with_valves,
 )
 from softarm.estimator.diagnosis.valves import static, valves_of
+from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
 
@@ -155,6 +156,8 @@ def test_a_valve_that_stays_shut_later_is_not_judged() -> None:
     columns = {name: np.where(lost, np.nan, values) for name, values in plain.columns.items()}
     columns["pressure_cmd_0_pa"][-1] = 20e3  # opened once more, but nothing was measured then
     assert splits_of([Recording("early", plain.time, columns)]) == []
+    with pytest.raises(InputError, match=r"early: no valve can be judged: .*; record at least 20 s"):
+        _diagnosed(Recording("early", plain.time, columns))
 
 
 @pytest.mark.parametrize(

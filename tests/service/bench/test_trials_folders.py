@@ -48,9 +48,21 @@ def test_a_specimen_beside_the_trial_is_taken(trials: Path):
 
 @pytest.mark.parametrize(
     ("text", "words"),
-    [("", "names no specimen"), ("specimen = ", "is not TOML"), (None, "holds no trial")],
+    [
+        ("", "names no specimen"),
+        (
+            'specimen = "arm.toml"',
+            r"trial.toml, specimen: there is no 'arm.toml' in this folder.*put it there",
+        ),
+        ("specimen = ", "is not TOML"),
+        (None, "holds no trial"),
+    ],
 )
-def test_a_folder_that_is_not_complete_is_refused(trials: Path, text: str | None, words: str):
+def test_a_folder_that_is_not_complete_is_refused(
+    trials: Path, text: str | None, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "arm.toml").touch()  # which is not beside the trial
     file = trials / "one" / "trial.toml"
     file.unlink() if text is None else file.write_text(text)
     with pytest.raises(InputError, match=words):
@@ -66,9 +78,29 @@ def test_answers_are_read_or_refused(tmp_path: Path):
     assert (answer.kind, answer.motion, answer.concealed[0].size) == ("single", "ordinary", {"lag": 0.3})
     with pytest.raises(InputError, match="cannot be read"):
         read_answer(tmp_path, "two")
-    (tmp_path / "two.toml").write_text('kind = "double"')
-    with pytest.raises(InputError, match="use one of single"):
-        read_answer(tmp_path, "two")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ('kind = "double"', "kind: 'double' is not known; give one of single"),
+        ('kind = "single"', "concealed: a trial of kind single conceals 1 effects, 0 are listed"),
+        ('kind = "null"\n[[concealed]]\neffect = "line_lag"', "concealed: a trial of kind null conceals 0"),
+        ('kind = "single"\n[concealed]\neffect = "line_lag"', r"concealed: .* is not a list"),
+        ('kind = "single"\n[[concealed]]\nwhere = {}', r"concealed\[0\]\.effect: missing"),
+        ('kind = "single"\n[[concealed]]\neffect = "a"\nwhere = "tip"', r"concealed\[0\]\.where"),
+        (
+            'kind = "single"\n[[concealed]]\neffect = "a"\nsize = {bias = "3 kPa"}',
+            r"concealed\[0\]\.size.*: '3 kPa' is not a number",
+        ),
+        ('kind = "single"\n[[concealed]]\neffect = "a"\nsize = {bias = nan}', r"concealed\[0\]\.size"),
+    ],
+)
+def test_an_answer_that_is_malformed_is_refused_by_its_field(tmp_path: Path, text: str, words: str):
+    (tmp_path / "one.toml").write_text(text)
+    with pytest.raises(InputError, match=rf"one\.toml: {words}") as caught:
+        read_answer(tmp_path, "one")
+    assert "\n" not in str(caught.value)
 
 
 def test_trials_are_diagnosed_scored_and_not_done_twice(trials: Path, tmp_path: Path):

@@ -14,7 +14,7 @@ from softarm.bench.trials.score import SAME_SIZE, Score, score
 from softarm.bench.trials.tables import reliability, score_tables, wilson
 from softarm.estimator.effects import EFFECTS
 
-LAG = Concealment("line_lag", {"chamber": 2}, {"time": 0.3})
+LAG = Concealment(effect="line_lag", where={"chamber": 2}, size={"time": 0.3})
 
 
 def finding(
@@ -42,7 +42,10 @@ def outcome(*findings: dict[str, Any], verdict: str = "explained") -> TrialOutco
 
 
 def scored(kind: str, hidden: tuple[Concealment, ...], *findings: dict[str, Any], **more: Any) -> Score:
-    return score(outcome(*findings, **more), Answer(kind, hidden, "designed"))
+    return score(
+        outcome(*findings, **more),
+        Answer.model_validate({"kind": kind, "concealed": hidden, "motion": "designed"}),
+    )
 
 
 def test_a_name_at_its_place_is_a_hit_with_its_error():
@@ -59,7 +62,8 @@ def test_what_was_missed_is_compared_with_the_limit_that_the_report_states():
     ]
     one = outcome(verdict="consistent")
     found = score(
-        replace(one, report=one.report | {"detection_limits": limits}), Answer("single", (LAG,), "")
+        replace(one, report=one.report | {"detection_limits": limits}),
+        Answer(kind="single", concealed=(LAG,)),
     )
     assert [hit.over_limit for hit in found.hits] == pytest.approx([0.75])
     (row,) = next(t for t in score_tables([found]) if t.title == "Trials that went wrong").rows
@@ -89,7 +93,7 @@ def test_null_trials_alarm_falsely_when_anything_is_named():
 
 
 def test_foreign_effects_are_to_be_called_unknown():
-    hidden = (Concealment("swirl", {}, {}),)
+    hidden = (Concealment(effect="swirl"),)
     assert scored("foreign", hidden, verdict="unexplained").called_unknown
     assert not scored("foreign", hidden, finding("fibre_twist")).called_unknown
     assert scored("foreign", hidden, finding("unknown"), finding("event")).called_unknown
@@ -99,7 +103,10 @@ def test_foreign_effects_are_to_be_called_unknown():
 def test_tables_hold_every_failure_and_no_more():
     good = scored("single", (LAG,), finding("line_lag", chamber=2))
     bad = scored("null", (), finding("base_tilt"))
-    failed = score(TrialOutcome("two", 900.0, 600.0, -1, "ended", {}), Answer("single", (LAG,), "designed"))
+    failed = score(
+        TrialOutcome("two", 900.0, 600.0, -1, "ended", {}),
+        Answer(kind="single", concealed=(LAG,), motion="designed"),
+    )
     tables = {table.title: table for table in score_tables([good, bad, failed])}
     assert [row["said"] for row in tables["Trials that went wrong"].rows] == ["base_tilt", "ended"]
     counts = {row["what"]: row["count"] for row in tables["Blind trials"].rows}

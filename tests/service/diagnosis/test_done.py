@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from softarm.analysis.diagnosis.done import digest_of, done_before, write_digest, write_report
+from softarm.analysis.diagnosis.done import digest_of, done_before, write_digest, write_report, wrote_before
 from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.run import DiagnosisRequest
 from softarm.estimator.specimen import load_specimen
@@ -31,6 +31,23 @@ def test_the_same_diagnosis_is_known_again(request_of: DiagnosisRequest, tmp_pat
     assert done_before(out, digest) == report
     write_report(report, out)
     assert done_before(out, digest) is None
+    write_digest(digest, out)
+    (out / "report.json").write_text("{}")
+    assert done_before(out, digest) is None
+    (out / "report.json").unlink()
+    assert done_before(out, digest) is None
+
+
+def test_a_specimen_that_was_written_is_known_until_it_is_changed(tmp_path: Path) -> None:
+    specimen = tmp_path / "mine.toml"
+    specimen.write_text("a = 1\n")
+    write_digest("digest", tmp_path)
+    assert not wrote_before(tmp_path, specimen)
+    write_digest("digest", tmp_path, specimen)
+    assert wrote_before(tmp_path, specimen)
+    assert not wrote_before(tmp_path, tmp_path / "other.toml")
+    specimen.write_text("a = 2\n")
+    assert not wrote_before(tmp_path, specimen)
 
 
 def test_whatever_goes_in_counts(request_of: DiagnosisRequest, tmp_path: Path) -> None:
@@ -45,3 +62,12 @@ def test_whatever_goes_in_counts(request_of: DiagnosisRequest, tmp_path: Path) -
     ]
     (tmp_path / "run" / "recording.csv").write_text("t_s,pressure_0_pa\n0,1\n")
     assert len({digest, digest_of(request_of), *map(digest_of, others)}) == 7
+
+
+def test_what_is_known_of_a_run_counts_where_its_table_is_given(tmp_path: Path) -> None:
+    table = tmp_path / "run.csv"
+    table.write_text("t_s,pressure_0_pa\n0,0\n")
+    wanted = DiagnosisRequest((table,), (), load_specimen("sopra"))
+    digest = digest_of(wanted)
+    (tmp_path / "run.toml").write_text("rate_hz = 10.0\n")
+    assert digest_of(wanted) != digest

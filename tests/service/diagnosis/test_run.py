@@ -3,19 +3,24 @@
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.intake import take_all_in
-from softarm.analysis.diagnosis.run import DiagnosisRequest, improved_specimen, loaded, run
+from softarm.analysis.diagnosis.run import DiagnosisRequest, improved_specimen, loaded, run, sessions_of
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.common.shipped import fake_specimen
+from softarm.estimator.diagnosis.admit import admit
 from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome
+from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.effects import EFFECTS, Spot, World
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake.result import NO_MISMATCH
+from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.intake import small_arm
@@ -120,3 +125,19 @@ def test_a_chamber_that_nobody_recorded_is_said_and_no_finding() -> None:
     assert "no pressure of chamber 3 was recorded, so it counts as vented (0 Pa)" in said[0]
     assert notes == tuple(said)
     assert all(one.kind in NO_MISMATCH for one in intake.mismatches)
+
+
+def test_recordings_of_valves_alone_are_set_aside_where_others_hold_motion() -> None:
+    arm = small_arm.small_arm(seconds=30.0, parts=("bend",))
+    pressures = {name: values for name, values in arm.columns.items() if name.startswith("pressure_")}
+    more = {**arm.columns, "pressure_9_pa": arm.columns["pressure_0_pa"]}
+    valve, other = Recording("valve", arm.time, pressures), Recording("other", arm.time, more)
+    model = cast("Model", SimpleNamespace(sections=("base", "intermediate", "tip")))
+    admitted = admit([valve, arm, other], [], small_arm.specimen())
+    sessions, notes = sessions_of(admitted, small_arm.specimen(), model)
+    assert [session.name for session in sessions] == [arm.name]
+    assert any(note.startswith("valve: holds no motion of the arm, only valves") for note in notes)
+    assert any("the specimen has 6 chambers; set aside" in note for note in notes)
+    assert [one.name for one in admitted.only({arm.name}).suspects] == [arm.name]
+    with pytest.raises(InputError, match="valve: holds no motion"):
+        sessions_of(admit([arm], [valve], small_arm.specimen()), small_arm.specimen(), model)

@@ -29,3 +29,11 @@ def test_recordings_of_one_name_are_told_apart_by_their_folders() -> None:
 def test_a_recording_given_twice_is_refused() -> None:
     with pytest.raises(InputError, match="is given twice"):
         named("/t/nominal/00", "/t/nominal/../nominal/00")
+
+
+def test_a_folder_and_its_file_are_one_recording(tmp_path: Path) -> None:
+    file = tmp_path / "run" / "recording.csv"
+    file.parent.mkdir()
+    file.touch()
+    with pytest.raises(InputError, match="is given twice"):
+        named(str(file.parent), str(file))

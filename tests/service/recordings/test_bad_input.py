@@ -8,7 +8,7 @@ import pytest
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
-from softarm.recordings import load_recording, save_recording
+from softarm.recordings import load_recording, output_file, save_recording
 
 PRESSURES = "".join(f"{i / 100},{1000.0 * i}\n" for i in range(40))
 LOW = "".join(f"{i / 100},{1.5 * i}\n" for i in range(40))
@@ -141,11 +141,55 @@ def test_parquet_of_text_is_refused(tmp_path: Path) -> None:
         load_recording(tmp_path / "x.parquet")
 
 
+@pytest.mark.parametrize("end", ["", "\n\n", "\r\n\r\n", "\n \n"])
+def test_blank_lines_at_the_end_are_passed_over(end: str, tmp_path: Path) -> None:
+    (tmp_path / "x.csv").write_bytes(f"t_s,pressure_0_pa\n0,1500\n1,{end}".encode())
+    assert load_recording(tmp_path / "x.csv").time.tolist() == [0.0, 1.0]
+    (tmp_path / "x.csv").write_bytes(f"t_s,pressure_0_pa\n0,1500{end}".encode())
+    assert load_recording(tmp_path / "x.csv").pressure(0)[0].tolist() == [1500.0]
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet", "mcap"])
+def test_a_suffix_may_be_in_capitals(small: Recording, suffix: str, tmp_path: Path) -> None:
+    save_recording(small, tmp_path / f"x.{suffix}")
+    (tmp_path / f"x.{suffix}").rename(tmp_path / f"X.{suffix.upper()}")
+    if suffix != "mcap":
+        (tmp_path / "x.toml").rename(tmp_path / "X.toml")
+    assert load_recording(tmp_path / f"X.{suffix.upper()}").info == small.info
+
+
 def test_nothing_is_replaced_unasked(small: Recording, tmp_path: Path) -> None:
     save_recording(small, tmp_path / "x.csv")
     with pytest.raises(InputError, match="exists already"):
         save_recording(small, tmp_path / "x.csv")
     save_recording(small, tmp_path / "x.csv", force=True)
+
+
+@pytest.mark.parametrize("there", ["x.toml", "specimen.toml"])
+def test_no_file_beside_a_table_is_replaced_unasked(small: Recording, tmp_path: Path, there: str) -> None:
+    (tmp_path / there).write_text("mine = 1\n")
+    attachments = {"specimen.toml": b'name = "sopra"\n'}
+    with pytest.raises(InputError, match=f"{there}: exists already"):
+        save_recording(small, tmp_path / "x.csv", attachments=attachments)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(there, "mine = 1\n")]
+    save_recording(small, tmp_path / "x.csv", attachments=attachments, force=True)
+    assert (tmp_path / there).read_text() != "mine = 1\n"
+
+
+def test_files_that_hold_the_same_are_shared(small: Recording, tmp_path: Path) -> None:
+    attachments = {"specimen.toml": b'name = "sopra"\n'}
+    save_recording(small, tmp_path / "x.csv", attachments=attachments)
+    (tmp_path / "x.toml").write_bytes(b"# mine\n" + (tmp_path / "x.toml").read_bytes())
+    assert save_recording(small, tmp_path / "x.parquet", attachments=attachments) == (tmp_path / "x.parquet",)
+    assert (tmp_path / "x.toml").read_text().startswith("# mine")
+
+
+def test_the_place_of_an_estimate_is_free_with_all_its_files(tmp_path: Path) -> None:
+    (tmp_path / "x.toml").touch()
+    with pytest.raises(InputError, match=r"x\.toml: exists already"):
+        output_file(tmp_path / "x.csv", force=False)
+    assert output_file(tmp_path / "x.csv", force=True) == tmp_path / "x.csv"
+    assert output_file(tmp_path / "x.mcap", force=False) == tmp_path / "x.mcap"
 
 
 def test_nothing_is_written_half(small: Recording, tmp_path: Path) -> None:

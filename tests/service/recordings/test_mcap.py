@@ -4,10 +4,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from mcap.records import Message
 
+from softarm.cli import run
 from softarm.estimator.errors import InputError
-from softarm.recordings import load_recording, read_attachments
-from softarm.recordings.mcap_writer import NANOSECONDS, RecordTimes, StreamWriter, Topic
+from softarm.recordings import load_events, load_recording, read_attachments
+from softarm.recordings.mcap_writer import NANOSECONDS, RecordTimes, Start, StreamWriter, Topic
 
 PRESSURES = Topic("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus://x")
 MARKER = Topic("marker/tip1", ("x_m", "y_m", "z_m"))
@@ -136,3 +138,51 @@ def test_two_messages_at_one_time_are_refused(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(InputError, match="has two messages of the same time"):
         load_recording(tmp_path / "run.mcap")
+
+
+def kept(path: Path) -> list[tuple[object, ...]]:
+    """List the messages of a file with all that belongs to them."""
+    with path.open("rb") as file:
+        return [
+            (
+                channel.topic,
+                channel.metadata,
+                schema and (schema.name, schema.data),
+                stamps(message),
+                message.data,
+            )
+            for schema, channel, message in make_reader(file).iter_messages(log_time_order=False)
+        ]
+
+
+def stamps(message: Message) -> tuple[int, int, int]:
+    """Return all that says when a message came."""
+    return message.sequence, message.log_time, message.publish_time
+
+
+@pytest.mark.parametrize("cut_off", [True, False])
+def test_a_conversion_to_mcap_keeps_every_message_as_it_is(tmp_path: Path, *, cut_off: bool) -> None:
+    attachments = {
+        "recording.toml": b'arm = "one"\n',
+        "specimen.toml": b"a = 1\n",
+        "service.toml": b"b = 1\n",
+    }
+    whole, part, copy = (tmp_path / name for name in ("whole.mcap", "run.mcap.part", "run.mcap"))
+    start = Start(4 * NANOSECONDS, 1_700_000_000 * NANOSECONDS)
+    with whole.open("wb") as file:
+        writer = StreamWriter(file, [PRESSURES, MARKER], attachments=attachments, start=start)
+        for tick in range(300):
+            writer.write("pressures", [3e4, tick], stamp(tick, 7))
+        writer.write_document("event", {"kind": "mode", "where": "one", "text": "armed"}, stamp(300))
+        writer.flush()
+        size = file.tell()
+        writer.finish()
+    part.write_bytes(whole.read_bytes()[:size] if cut_off else whole.read_bytes())
+    assert run(["convert", str(part), str(copy)]) == 0
+    assert kept(copy) == kept(whole)
+    assert load_events(copy) == load_events(whole) != ()
+    assert read_attachments(copy) == read_attachments(part) == read_attachments(whole)
+    info = load_recording(copy).info
+    assert (info["arm"], "recovered" in info) == ("one", cut_off)
+    assert run(["convert", str(part), str(copy)]) == 2
+    assert run(["convert", str(part), str(copy), "--force"]) == 0

@@ -76,6 +76,21 @@ def test_a_map_that_names_no_label(tmp_path: Path) -> None:
         load_recording(tmp_path / "a.tsv")
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ('markers = ["Tip - 1"]', r"markers: is \['Tip - 1'\], not a table"),
+        ("markers = 3", "markers: is 3, not a table"),
+        ('[markers]\n"Tip - 1" = 3', "markers: 'Tip - 1' is 3, not a name"),
+    ],
+)
+def test_a_map_that_is_no_table_of_names(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "a.tsv").write_text(HEADER_3D + "1\t2\t3\t4\t5\t6\n")
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(InputError, match=message):
+        load_recording(tmp_path / "a.tsv")
+
+
 @pytest.mark.parametrize(("unit", "factor"), [("mm", 1e-3), ("m", 1.0)])
 def test_c3d_points(unit: str, factor: float, tmp_path: Path) -> None:
     file = ezc3d.c3d()

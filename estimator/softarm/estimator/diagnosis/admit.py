@@ -1,6 +1,6 @@
 """Which recordings can carry a diagnosis, and what is wrong with the others in one line."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -47,14 +47,32 @@ class Admitted:
         """Every recording and whether it is nominal, nominal ones first."""
         return [(r, True) for r in self.nominal] + [(r, False) for r in self.suspects]
 
+    def only(self, names: Collection[str]) -> "Admitted":
+        """Keep the recordings of some names."""
+        suspects, nominal = (
+            tuple(one for one in group if one.name in names) for group in (self.suspects, self.nominal)
+        )
+        return Admitted(suspects, nominal, self.notes)
+
     def mended(self, mend: Callable[[Recording], Recording], notes: Sequence[str]) -> "Admitted":
         """Mend every recording, and note why."""
         suspects, nominal = (tuple(map(mend, group)) for group in (self.suspects, self.nominal))
         return Admitted(suspects, nominal, (*self.notes, *notes))
 
 
-def usable(group: Sequence[Given], take: Callable[[Given], Taken], notes: list[str]) -> tuple[Taken, ...]:
+def usable(
+    group: Sequence[Given],
+    take: Callable[[Given], Taken],
+    notes: list[str],
+    notify: Callable[[str], None] = lambda _: None,
+) -> tuple[Taken, ...]:
     """Take recordings one by one; one that is refused is set aside and noted where others are left.
+
+    Args:
+        group: What to take.
+        take: Takes one, or refuses it.
+        notes: Get a sentence for each that is set aside.
+        notify: Called with the same sentence.
 
     Raises:
         InputError: All of them are refused.
@@ -68,12 +86,25 @@ def usable(group: Sequence[Given], take: Callable[[Given], Taken], notes: list[s
             refusals.append(error)
     if refusals and not taken:
         raise refusals[0]
-    notes += [f"{error.where}: {error.what}; set aside, {error.cure}." for error in refusals]
+    for refusal in refusals:
+        notes.append(f"{refusal.where}: {refusal.what}; set aside, {refusal.cure}.")
+        notify(notes[-1])
     return tuple(taken)
 
 
-def admit(suspects: Sequence[Recording], nominal: Sequence[Recording], specimen: Specimen) -> Admitted:
+def admit(
+    suspects: Sequence[Recording],
+    nominal: Sequence[Recording],
+    specimen: Specimen,
+    notify: Callable[[str], None] = lambda _: None,
+) -> Admitted:
     """Check recordings, and set aside those that can decide nothing.
+
+    Args:
+        suspects: Recordings in question.
+        nominal: Recordings of the arm in its known state.
+        specimen: The robot.
+        notify: Called with what is set aside, and why.
 
     Raises:
         InputError: None in question, or no nominal one, is left: they are of another specimen, too short,
@@ -90,7 +121,7 @@ def admit(suspects: Sequence[Recording], nominal: Sequence[Recording], specimen:
         refuse_swapped_channels(recording, specimen)
         return recording
 
-    nominal, suspects = (usable(group, checked, notes) for group in (nominal, suspects))
+    nominal, suspects = (usable(group, checked, notes, notify) for group in (nominal, suspects))
     for recording in (*nominal, *suspects):
         notes += _time_notes(recording)
     if not any(moves(recording) or _opens_valves(recording) for recording in suspects):

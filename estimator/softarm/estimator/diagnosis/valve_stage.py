@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtr
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.admit import Admitted
+from softarm.estimator.diagnosis.admit import Admitted, motion_columns
 from softarm.estimator.diagnosis.result import (
     Baseline,
     ChannelError,
@@ -24,6 +24,7 @@ from softarm.estimator.diagnosis.result import (
     Verdict,
 )
 from softarm.estimator.diagnosis.valves import LAGS, OPEN, Valve, ceilings_of, predict, valves_of
+from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -44,6 +45,11 @@ LEAST_BIC = 10.0
 """Evidence on held-out samples from which a valve is blamed."""
 SCATTER, WORTH = 200.0, 3
 """Scatter of a valve's steady error between recordings [Pa], and the recordings that this is worth."""
+NEEDED = (
+    "while one is open, more than 50 readings of its set-point and pressure together are needed, some of "
+    "them in the second half"
+)
+"""What it takes to learn a valve's law and to judge it."""
 
 
 @dataclass(frozen=True)
@@ -180,10 +186,31 @@ def with_valves(diagnosis: Diagnosis, faults: tuple[Finding, ...]) -> Diagnosis:
     return replace(diagnosis, verdict=verdict, findings=(*diagnosis.findings, *faults))
 
 
+def not_judged(admitted: Admitted, splits: Sequence[Split]) -> tuple[str, ...]:
+    """Name the recordings of valves alone that tell nothing of any valve."""
+    judged = {split.recording for split in splits}
+    return tuple(
+        f"{recording.name}: no valve can be judged; {NEEDED}."
+        for recording, _ in admitted.all
+        if not motion_columns(recording) and recording.name not in judged
+    )
+
+
 def valve_diagnosis(
     specimen: str, admitted: Admitted, splits: Sequence[Split], faults: tuple[Finding, ...]
 ) -> Diagnosis:
-    """Write down a diagnosis of recordings that hold valves alone."""
+    """Write down a diagnosis of recordings that hold valves alone.
+
+    Raises:
+        InputError: No valve's law could be learnt and judged.
+    """
+    if not splits:
+        seen = " ".join(fault.statement for fault in faults)
+        raise InputError(
+            ", ".join(recording.name for recording in admitted.suspects),
+            f"no valve can be judged: {NEEDED}{seen and f' ({seen})'}",
+            "record at least 20 s in which pressures rise above 10 kPa and come down again",
+        )
     rms: dict[str, list[float]] = {}
     noise: dict[str, list[float]] = {}
     for split in splits:

@@ -7,7 +7,10 @@ from pathlib import Path
 from softarm import estimator
 from softarm.analysis.diagnosis.report import FILE, Report, read_report
 from softarm.analysis.diagnosis.run import DiagnosisRequest
+from softarm.estimator.errors import InputError
 from softarm.estimator.files import write_whole
+from softarm.recordings.info import sidecar
+from softarm.recordings.load import is_mcap
 
 DIGEST = "report.digest"
 """File beside the report; it is written last, so that it stands for a whole report."""
@@ -24,8 +27,7 @@ def digest_of(request: DiagnosisRequest) -> str:
     for path in _sources():
         found.update(path.read_bytes())
     for path in (*request.recordings, *request.nominal):
-        files = sorted(path.iterdir()) if path.is_dir() else [path]
-        for file in files:
+        for file in _files_of(path):
             if file.is_file():
                 found.update(f"{path.name}/{file.name}".encode())
                 found.update(file.read_bytes())
@@ -33,11 +35,18 @@ def digest_of(request: DiagnosisRequest) -> str:
 
 
 def done_before(out: Path, digest: str) -> Report | None:
-    """Return the report of a folder if it came of the same; else ``None``."""
-    kept = out / DIGEST
-    if not kept.is_file() or kept.read_text().strip() != digest:
+    """Return the report of a folder if it is whole and came of the same; else ``None``."""
+    if _kept(out)[:1] != [digest]:
         return None
-    return read_report(out)
+    try:
+        return read_report(out)
+    except InputError:
+        return None
+
+
+def wrote_before(out: Path, specimen: Path) -> bool:
+    """Return whether a file is the specimen that the diagnosis in a folder wrote, unchanged."""
+    return specimen.is_file() and _kept(out)[1:] == [_digest_of_file(specimen)]
 
 
 def write_report(report: Report, out: Path) -> Path:
@@ -47,9 +56,26 @@ def write_report(report: Report, out: Path) -> Path:
     return out / FILE
 
 
-def write_digest(digest: str, out: Path) -> None:
-    """Note what the report in a folder came of, once all of it is written."""
-    write_whole({out / DIGEST: f"{digest}\n".encode()})
+def write_digest(digest: str, out: Path, specimen: Path | None = None) -> None:
+    """Note what the report in a folder came of, and which specimen was written, once all is written."""
+    lines = [digest] if specimen is None else [digest, _digest_of_file(specimen)]
+    write_whole({out / DIGEST: "".join(f"{line}\n" for line in lines).encode()})
+
+
+def _kept(out: Path) -> list[str]:
+    file = out / DIGEST
+    return file.read_text().split() if file.is_file() else []
+
+
+def _digest_of_file(path: Path) -> str:
+    return sha256(path.read_bytes()).hexdigest()
+
+
+def _files_of(recording: Path) -> list[Path]:
+    """List the files that a recording may consist of."""
+    if recording.is_dir():
+        return sorted(recording.iterdir())
+    return [recording] if is_mcap(recording) else [recording, sidecar(recording)]
 
 
 def _sources() -> Iterator[Path]:

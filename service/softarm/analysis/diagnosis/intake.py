@@ -35,7 +35,7 @@ def take_all_in(
         suspects: Recordings in question.
         nominal: Recordings of the arm in its known state.
         specimen: The robot.
-        notify: Called with what was left out or assumed, which is no finding.
+        notify: Called with what was set aside, left out or assumed, which is no finding.
 
     Returns:
         Recordings in question and nominal ones as fits may see them, the intakes of those in question,
@@ -46,7 +46,7 @@ def take_all_in(
     """
     notes: list[str] = []
     questioned, known = (
-        usable(group, lambda recording: taken_in(recording, specimen, notes.append), notes)
+        usable(group, lambda recording: taken_in(recording, specimen, notes.append), notes, notify)
         for group in (suspects, nominal)
     )
     for one in (fault for intake in (*questioned, *known) for fault in intake.mismatches):

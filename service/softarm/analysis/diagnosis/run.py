@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import cache, partial
 from itertools import chain
 from pathlib import Path
 
@@ -31,7 +31,13 @@ from softarm.estimator.diagnosis.release import find_release
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.diagnosis.stuck import stuck_findings, stuck_notes, stuck_pressures, without_pressures
-from softarm.estimator.diagnosis.valve_stage import splits_of, valve_diagnosis, valve_findings, with_valves
+from softarm.estimator.diagnosis.valve_stage import (
+    not_judged,
+    splits_of,
+    valve_diagnosis,
+    valve_findings,
+    with_valves,
+)
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.accepted import physics_entry
 from softarm.estimator.errors import InputError, suggest
@@ -87,7 +93,7 @@ def run(
         executor: Runs independent work.
         advance: Called with what is being done.
         keep: Given the residuals and columns, before anything is looked for.
-        notify: Called with what was left out of the recordings, or assumed.
+        notify: Called with what was set aside, left out of the recordings, or assumed.
 
     Raises:
         InputError: A recording cannot be read, does not fit the specimen, or cannot decide anything.
@@ -95,9 +101,9 @@ def run(
     began = time.monotonic()
     advance("reading")
     effects = _known(request.effects)
-    suspects, nominal, unread = loaded(request)
+    suspects, nominal, unread = loaded(request, notify)
     suspects, nominal, intakes, found = take_all_in(suspects, nominal, request.specimen, notify)
-    admitted = admit(suspects, nominal, request.specimen)
+    admitted = admit(suspects, nominal, request.specimen, notify)
     questioned = {recording.name for recording in admitted.suspects}
     intakes, found = tuple(i for i in intakes if i.recording.name in questioned), (*unread, *found)
     stuck = tuple(one for recording, _ in admitted.all for one in stuck_pressures(recording))
@@ -109,8 +115,11 @@ def run(
         *valve_findings(valves, known_valves),
         *stuck_findings([one for one in stuck if one.recording in questioned]),
     )
+    idle = not_judged(admitted, (*valves, *known_valves))
+    for words in idle:
+        notify(words)
     admitted = admitted.mended(
-        lambda one: without_pressures(one, stuck, by_set_points=True), stuck_notes(stuck)
+        lambda one: without_pressures(one, stuck, by_set_points=True), (*stuck_notes(stuck), *idle)
     )
     if not any(motion_columns(recording) for recording in admitted.suspects):
         diagnosis = valve_diagnosis(request.specimen.name, admitted, valves, faults)
@@ -132,10 +141,11 @@ def run(
     else:
         advance("preparing the model")
         model = rod_model(request.specimen, rod())
-    sessions, notes = sessions_of(admitted, request.specimen, model, intakes)
+    sessions, notes = sessions_of(admitted, request.specimen, model, intakes, notify)
     if _without_axes(request.specimen, sessions):
         advance("finding the axes of bends")
-        specimen, words = with_axes(request.specimen, admitted, model.sections, rod())
+        arranged = admitted.only({session.name for session in sessions})
+        specimen, words = with_axes(request.specimen, arranged, model.sections, rod())
         model = replace(model, specimen=specimen)
         sessions, notes = sessions_of(admitted, specimen, model, intakes)
         notes = (*notes, words)
@@ -154,9 +164,13 @@ def run(
 
 
 def loaded(
-    request: DiagnosisRequest,
+    request: DiagnosisRequest, notify: Callable[[str], None] = lambda _: None
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[str, ...]]:
     """Load recordings; those that cannot be read are set aside.
+
+    Args:
+        request: Which recordings.
+        notify: Called with what was set aside, and why.
 
     Returns:
         The recordings in question, the nominal ones, and what was set aside and why.
@@ -168,7 +182,7 @@ def loaded(
         data_file(path)  # a path that was mistyped ends the diagnosis
     notes: list[str] = []
     groups = [
-        usable(group, lambda path: (path, load_recording(path, units_checked=False)), notes)
+        usable(group, lambda path: (path, load_recording(path, units_checked=False)), notes, notify)
         for group in (request.recordings, request.nominal)
     ]
     paths, recordings = zip(*chain(*groups), strict=True)
@@ -252,20 +266,34 @@ def _calibrated(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen:
 
 
 def sessions_of(
-    admitted: Admitted, specimen: Specimen, model: Model, intakes: Sequence[Intake] = ()
+    admitted: Admitted,
+    specimen: Specimen,
+    model: Model,
+    intakes: Sequence[Intake] = (),
+    notify: Callable[[str], None] = lambda _: None,
 ) -> tuple[tuple[Session, ...], tuple[str, ...]]:
-    """Bring all recordings to the rate of a diagnosis.
+    """Bring all recordings to the rate of a diagnosis; those that do not fit the arm are set aside.
 
     Args:
         admitted: Recordings as fits may see them.
         specimen: The robot.
         model: Its model.
         intakes: Hold what some of them read during events, which goes beside what fits may see.
+        notify: Called with what was set aside, and why.
+
+    Raises:
+        InputError: None in question, or no nominal one, fits the arm or holds its motion.
     """
     eventful = {intake.recording.name: intake for intake in intakes if intake.events}
     notes = list(admitted.notes)
-    native, steps = [], []
-    for recording, nominal in admitted.all:
+
+    def brought(recording: Recording, *, nominal: bool) -> tuple[Session, float]:
+        """Return a session at its own rate, and the window of its means [s]."""
+        if not motion_columns(recording):
+            what = "holds no motion of the arm, only valves, which are compared by themselves"
+            raise InputError(
+                recording.name, what, "record the arm's bends, frames or markers along with them"
+            )
         intake = eventful.get(recording.name)
         prepared = prepare(
             intake.with_events(recording) if intake else recording,
@@ -274,7 +302,7 @@ def sessions_of(
             nominal=nominal,
             events=[event.interval for event in intake.events] if intake else (),
         )
-        notes += prepared.notes
+        notes.extend(prepared.notes)
         frequency = ring_frequency(prepared.session)
         release = find_release(prepared.session, frequency)
         if release is not None:
@@ -283,8 +311,13 @@ def sessions_of(
                 "only what follows the vibration is used."
             )
         session = release.session if release else prepared.session
-        native.append(session)
-        steps.append(_step(session, frequency))
+        return session, _step(session, frequency)
+
+    groups = (
+        usable(group, partial(brought, nominal=nominal), notes, notify)
+        for group, nominal in ((admitted.nominal, True), (admitted.suspects, False))
+    )
+    native, steps = zip(*chain(*groups), strict=True)
     total = sum(session.seconds / step for session, step in zip(native, steps, strict=True))
     stretch = max(1.0, total / SAMPLES)
     sessions = tuple(averaged(one, step * stretch) for one, step in zip(native, steps, strict=True))

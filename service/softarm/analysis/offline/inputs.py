@@ -45,8 +45,9 @@ def distinct_names(names: Sequence[str], paths: Sequence[Path]) -> tuple[str, ..
         InputError: A recording is given twice.
     """
     places = [path.resolve() for path in paths]
-    for path, place in zip(paths, places, strict=True):
-        if places.count(place) > 1:
+    files = [data_file(path).resolve() if path.is_dir() else path.resolve() for path in paths]
+    for path, file in zip(paths, files, strict=True):
+        if files.count(file) > 1:
             raise InputError(f"recording {path}", "is given twice", "name every recording once")
     chosen = list(names)
     depth = 2
@@ -100,6 +101,25 @@ def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[R
     except InputError as error:
         metadata = sidecar(data) if sidecar(data).is_file() else data
         raise InputError(f"{metadata}, specimen", f"{named!r}: {error.what}", error.cure) from None
+
+
+def specimen_of_any(given: str | None, paths: Sequence[Path]) -> Specimen:
+    """Load the specimen that is given, else that of the first recording that can be read.
+
+    Raises:
+        InputError: No recording can be read, or there is no specimen, or it cannot be read.
+    """
+    if given is not None:
+        return load_specimen(given)
+    refusals: list[InputError] = []
+    for path in paths:
+        try:
+            recording = load_recording(path, units_checked=False)
+        except InputError as error:
+            refusals.append(error)
+        else:
+            return specimen_of(None, [path], [recording])
+    raise refusals[0]
 
 
 def taken_in(recording: Recording, specimen: Specimen, notify: Callable[[str], None]) -> Intake:

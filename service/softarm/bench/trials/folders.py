@@ -7,13 +7,20 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Annotated, Literal
 
-from softarm.estimator.errors import InputError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from softarm.estimator.errors import InputError, suggest
 from softarm.estimator.files import read_toml
+from softarm.estimator.specimen import SHIPPED
+from softarm.estimator.specimen.problems import describe_errors
 
 TRIAL_FILE = "trial.toml"
 LAYOUT = "see docs/diagnosis-proof.md for the layout"
-KINDS = ("single", "pair", "null", "foreign")
+COUNTS = {"single": 1, "pair": 2, "null": 0}
+"""Number of effects that a trial of some kind conceals."""
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 
 
 @dataclass(frozen=True)
@@ -33,8 +40,7 @@ class Trial:
     questioned: tuple[Path, ...]
 
 
-@dataclass(frozen=True)
-class Concealment:
+class Concealment(BaseModel):
     """One concealed effect.
 
     Args:
@@ -43,13 +49,13 @@ class Concealment:
         size: Its parameters by name, in SI units.
     """
 
-    effect: str
-    where: Mapping[str, str | int]
-    size: Mapping[str, float]
+    model_config = ConfigDict(frozen=True)
+    effect: str = Field(description="the name of the effect")
+    where: Mapping[str, str | int] = {}
+    size: Mapping[str, Number] = {}
 
 
-@dataclass(frozen=True)
-class Answer:
+class Answer(BaseModel):
     """What was concealed in a trial.
 
     Args:
@@ -58,8 +64,9 @@ class Answer:
         motion: Kind of motion that was recorded, such as ``designed`` or ``ordinary``; may be empty.
     """
 
-    kind: str
-    concealed: tuple[Concealment, ...]
+    model_config = ConfigDict(frozen=True)
+    kind: Literal["single", "pair", "null", "foreign"] = Field(description="single, pair, null or foreign")
+    concealed: tuple[Concealment, ...] = ()
     motion: str = ""
 
 
@@ -88,6 +95,10 @@ def read_trial(folder: Path) -> Trial:
     if not isinstance(specimen, str):
         raise InputError(str(folder / TRIAL_FILE), "names no specimen", 'add specimen = "..."')
     local = folder / specimen
+    if not local.is_file() and specimen not in SHIPPED:
+        what = f"there is no {specimen!r} in this folder, and no such shipped specimen"
+        cure = suggest(specimen, SHIPPED, f"put it there, or name one of {', '.join(SHIPPED)}", cutoff=0.6)
+        raise InputError(f"{folder / TRIAL_FILE}, specimen", what, cure)
     questioned = _recordings(folder / "questioned")
     if not questioned:
         raise InputError(str(folder), "has no recording in question", "put recordings into questioned/")
@@ -111,16 +122,19 @@ def read_answer(folder: Path, trial: str) -> Answer:
     """Read the answer of a trial.
 
     Raises:
-        InputError: It is missing or incomplete.
+        InputError: It is missing, incomplete or malformed; names the file and its fields.
     """
     path = folder / f"{trial}.toml"
     table, _ = read_toml(path, LAYOUT)
-    kind = table.get("kind")
-    if kind not in KINDS:
-        raise InputError(str(path), f"kind is {kind!r}", f"use one of {', '.join(KINDS)}")
-    concealed = []
-    for number, entry in enumerate(table.get("concealed", ())):
-        if not isinstance(entry.get("effect"), str):
-            raise InputError(f"{path}, concealed[{number}]", "names no effect", 'add effect = "..."')
-        concealed.append(Concealment(entry["effect"], entry.get("where", {}), entry.get("size", {})))
-    return Answer(kind, tuple(concealed), str(table.get("motion", "")))
+    try:
+        answer = Answer.model_validate(table)
+    except ValidationError as error:
+        raise describe_errors(str(path), error, Answer) from None
+    count = COUNTS.get(answer.kind, len(answer.concealed))
+    if len(answer.concealed) != count:
+        raise InputError(
+            f"{path}: concealed",
+            f"a trial of kind {answer.kind} conceals {count} effects, {len(answer.concealed)} are listed",
+            "correct the kind, or give each effect a table [[concealed]]",
+        )
+    return answer

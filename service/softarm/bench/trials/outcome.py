@@ -5,6 +5,10 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter, ValidationError
+
+from softarm.estimator.errors import InputError
+
 
 @dataclass(frozen=True)
 class TrialOutcome:
@@ -17,6 +21,7 @@ class TrialOutcome:
         status: Exit status of the diagnosis; -1 when it was ended for its time.
         message: Its last line on standard error when it gave no report.
         report: ``report.json`` as a table; empty when there is none.
+        digest: Of all that went into it; see ``digest_of``.
     """
 
     trial: str
@@ -25,10 +30,14 @@ class TrialOutcome:
     status: int
     message: str
     report: dict[str, Any]
+    digest: str = ""
 
     def line(self) -> str:
         """Write it as one line of JSON."""
         return json.dumps(asdict(self)) + "\n"
+
+
+OUTCOME = TypeAdapter(TrialOutcome)
 
 
 def add_outcome(outcome: TrialOutcome, path: Path) -> None:
@@ -42,8 +51,21 @@ def add_outcome(outcome: TrialOutcome, path: Path) -> None:
 
 
 def read_outcomes(path: Path) -> list[TrialOutcome]:
-    """Read the outcomes of earlier runs, whole lines only; none where there is no file."""
+    """Read the outcomes of earlier runs, whole lines only; none where there is no file.
+
+    Raises:
+        InputError: A line is no outcome.
+    """
     if not path.exists():
         return []
-    lines = path.read_text().rpartition("\n")[0].splitlines()
-    return [TrialOutcome(**json.loads(line)) for line in lines if line]
+    lines = path.read_bytes().rpartition(b"\n")[0].splitlines()
+    return [_outcome(line, f"{path}, line {number}") for number, line in enumerate(lines, 1) if line]
+
+
+def _outcome(line: bytes, place: str) -> TrialOutcome:
+    try:
+        return OUTCOME.validate_json(line)
+    except ValidationError:
+        raise InputError(
+            place, "is no outcome of a trial", "delete that line, or give another --out"
+        ) from None

@@ -6,13 +6,17 @@ import sys
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import replace
 from pathlib import Path
 from threading import Lock
 
+from softarm.analysis.diagnosis.done import digest_of
 from softarm.analysis.diagnosis.report import FILE
+from softarm.analysis.diagnosis.run import DiagnosisRequest
 from softarm.bench.trials.folders import Trial
 from softarm.bench.trials.outcome import TrialOutcome, add_outcome, read_outcomes
 from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import load_specimen
 from softarm.recordings import load_recording
 
 RESULTS = "results.jsonl"
@@ -29,23 +33,34 @@ def run_trials(
     jobs: int,
     advance: Callable[[float], None],
 ) -> list[TrialOutcome]:
-    """Diagnose the trials that have no outcome yet.
+    """Diagnose the trials that have no report yet.
 
     Args:
         trials: What to diagnose.
-        out: Folder of reports and outcomes; a run that was ended goes on from what is there.
+        out: Folder of reports and outcomes; a run that was ended goes on from what is there. A report counts
+            only for the same recordings, specimen and program.
         jobs: Diagnoses at a time.
         advance: Called with 1 after each.
 
     Returns:
         The outcomes of all trials, those of earlier runs included.
+
+    Raises:
+        InputError: The specimen of a trial cannot be read.
     """
     results = out / RESULTS
-    outcomes = {outcome.trial: outcome for outcome in read_outcomes(results)}
+    digests = {trial.name: _digest(trial) for trial in trials}
+    latest = {outcome.trial: outcome for outcome in read_outcomes(results)}
+    outcomes = {
+        name: outcome
+        for name, outcome in latest.items()
+        if outcome.report and outcome.digest == digests.get(name)
+    }
 
     def one(trial: Trial) -> None:
         report = out / "reports" / trial.name
-        outcome = diagnose_trial(trial, report, ("--write-specimen", str(report / WRITTEN)))
+        extra = ("--write-specimen", str(report / WRITTEN))
+        outcome = replace(diagnose_trial(trial, report, extra), digest=digests[trial.name])
         with _WRITING:
             add_outcome(outcome, results)
         outcomes[trial.name] = outcome
@@ -57,6 +72,10 @@ def run_trials(
             future.result()
             advance(1)
     return [outcomes[trial.name] for trial in trials]
+
+
+def _digest(trial: Trial) -> str:
+    return digest_of(DiagnosisRequest(trial.questioned, trial.nominal, load_specimen(trial.specimen)))
 
 
 def diagnose_trial(trial: Trial, out: Path, extra: Sequence[str] = ()) -> TrialOutcome:
