@@ -38,7 +38,7 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
     path = data_file(path)
     name = path.parent.name if path.stem == STEM and path.parent.name else path.stem
     if path.suffix == ".mcap" or path.name.endswith(".mcap.part"):
-        return read_mcap(path, name.removesuffix(".mcap"))
+        return read_mcap(path, name.removesuffix(".mcap"), units_checked=units_checked)
     info = read_info(column_map or sidecar(path))
     source = str(path)
     columns: dict[str, Floats]

@@ -6,7 +6,8 @@ import pytest
 from mcap.reader import make_reader
 
 from softarm.estimator.errors import InputError
-from softarm.recordings import load_recording, read_attachments
+from softarm.estimator.recording import Recording
+from softarm.recordings import load_recording, read_attachments, save_recording
 from softarm.recordings.mcap_writer import NANOSECONDS, RecordTimes, StreamWriter, Topic
 
 PRESSURES = Topic("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus://x")
@@ -136,3 +137,19 @@ def test_two_messages_at_one_time_are_refused(tmp_path: Path) -> None:
         writer.finish()
     with pytest.raises(InputError, match="has two messages of the same time"):
         load_recording(tmp_path / "run.mcap")
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".mcap"])
+def test_values_that_an_intake_mends_are_refused_only_without_one(tmp_path: Path, suffix: str) -> None:
+    time = 0.05 * np.arange(100)
+    names = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
+    pose = dict(zip(names, (12.0, 8.0, 276.0, 1.0, 0.0, 0.0, 0.0), strict=True))
+    columns = {f"frame_tip_{name}": np.where(time < 1.0, 0.0, value) for name, value in pose.items()}
+    columns["pressure_0_pa"] = 30.0 + 10.0 * np.sin(time)
+    path = tmp_path / f"run{suffix}"
+    save_recording(Recording("run", time, columns), path)
+    with pytest.raises(InputError, match="cannot be"):
+        load_recording(path)
+    read = load_recording(path, units_checked=False)
+    for name, values in columns.items():
+        np.testing.assert_array_equal(read.columns[name], values)
