@@ -190,6 +190,47 @@ def test_pressures_that_are_stated_to_be_in_pascals_are_left_alone(good: Recordi
     np.testing.assert_array_equal(mended.columns["pressure_1_pa"], stated.columns["pressure_1_pa"])
 
 
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize("name", ["degrees", "absolute", "all absolute"])
+def test_a_stated_unit_of_pressures_hides_no_other_fault(good: Recording, name: str) -> None:
+    fault, words = MENDED[name]
+    intake = take_in(arm.both(fault, arm.stated(pressure_unit="Pa"))(good), SPECIMEN)
+    assert not intake.refusals
+    _require(intake.sentences, words)
+    _require_alike(intake.recording, good)
+
+
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize(("unit", "pascals"), [("kPa", 1e3), ("psi", 6894.757), ("mbar", 1e2), ("hpa", 1e2)])
+def test_pressures_are_converted_from_the_stated_unit(good: Recording, unit: str, pascals: float) -> None:
+    fault = arm.both(arm.scaled("pressure_", "_pa", 1.0 / pascals), arm.stated(pressure_unit=unit))
+    intake = take_in(fault(good), SPECIMEN)
+    assert not intake.refusals
+    _require_alike(intake.recording, good)
+    assert not take_in(intake.recording, SPECIMEN).sentences  # what was converted is not converted again
+
+
+@pytest.mark.parametrize(
+    ("unit", "words"),
+    [("torr", "pressure_unit is 'torr' .* none of Pa, kPa"), ("kPa", "would reach .* times the limit of 65")],
+)
+def test_a_stated_unit_that_cannot_be_is_refused(good: Recording, unit: str, words: str) -> None:
+    (refusal,) = take_in(arm.stated(pressure_unit=unit)(good), SPECIMEN).refusals
+    assert re.search(words, str(refusal))
+
+
+@pytest.mark.parametrize("chambers", [True, False])
+def test_bends_beyond_a_whole_turn_are_in_degrees(good: Recording, *, chambers: bool) -> None:
+    slight = arm.scaled("bend_", "_rad", 0.2 * 57.29578)(good)
+    if not chambers:
+        columns = {name: values for name, values in slight.columns.items() if name.startswith("bend_")}
+        slight = replace(slight, columns=columns)
+    mended, (found,) = mend_units(slight, SPECIMEN)
+    assert "are in degrees" in found.what
+    for name in ("bend_tip_x_rad", "bend_intermediate_y_rad"):
+        np.testing.assert_allclose(mended.columns[name], 0.2 * good.columns[name])
+
+
 def test_a_chamber_that_is_commanded_to_open_hardly_at_all_is_no_other_unit(good: Recording) -> None:
     slow = 1000.0 * (1.0 - np.cos(0.2 * good.time))
     columns = {"pressure_cmd_3_pa": slow, "pressure_3_pa": 100.0 * np.round(0.3 * slow / 100.0)}

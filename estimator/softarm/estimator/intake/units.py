@@ -34,6 +34,20 @@ PRESSURES = {
     "megapascals": (1e6, -6.0),
 }
 """Factor to pascals and logarithm of the prior over that of pascals."""
+STATED = {
+    "Pa": "pascals",
+    "kPa": "kilopascals",
+    "MPa": "megapascals",
+    "mbar": "millibars",
+    "hPa": "millibars",
+    "bar": "bars",
+    "psi": "pounds per square inch",
+}
+"""Units that ``pressure_unit`` may state."""
+BEYOND_LIMIT = 10.0
+"""Times the limit that no pressure reaches: no chamber bears it, so a unit that says so is another."""
+TURN = 2.0 * np.pi
+"""Bend [rad] that no section reaches: it would lie around itself."""
 ANGLES = {"radians": (1.0, 0.0), "degrees": (np.pi / 180.0, -3.0)}
 LENGTHS = {
     "metres": (1.0, 0.0),
@@ -101,11 +115,14 @@ def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
         The recording, mended where one explanation wins, and what was found.
     """
     mended, lengths = _lengths(recording, specimen)
-    if _declared_pascals(recording):
-        return mended, lengths
+    stated, contradictions = _stated(mended, specimen)
+    if contradictions:
+        return mended, (*lengths, *contradictions)
     aligned = _aligned(mended, specimen)
-    mended, strays = _single_chambers(mended, aligned, specimen)
-    mended, found = _pressures_and_bends(mended, aligned, specimen)
+    strays: tuple[RecordingFault, ...] = ()
+    if stated is None:
+        mended, strays = _single_chambers(mended, aligned, specimen)
+    mended, found = _pressures_and_bends(mended, aligned, specimen, stated)
     return mended, (*lengths, *strays, *found)
 
 
@@ -115,19 +132,44 @@ def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
     return tuple(name for name in names if name in recording.columns)
 
 
+def _stated(recording: Recording, specimen: Specimen) -> tuple[str | None, tuple[RecordingFault, ...]]:
+    """Read the unit that ``pressure_unit`` states, ``None`` without one; refuse one that cannot be."""
+    stated = recording.info.get("pressure_unit")
+    if stated is None or not recording.chambers:
+        return None, ()
+    names = {name.lower(): unit for name, unit in STATED.items()}
+    unit = names.get(str(stated).strip().lower())
+    listed = ", ".join(STATED)
+    if unit is None:
+        what = f"pressure_unit is {stated!r} in recording.toml, which is none of {listed}"
+        cure = "convert the pressures to Pa, or state one of these"
+        return None, (RecordingFault(recording.name, "unit", ("pressures",), what, cure, mended=False),)
+    limit = max(specimen.pressure_limits, default=np.inf)
+    for kind in ("measured", "commanded"):
+        sizes = _sizes(recording, kind)
+        top = sizes[1] * PRESSURES[unit][0] if sizes is not None else 0.0
+        if unit != "pascals" and top > BEYOND_LIMIT * limit:
+            what = (
+                f"pressure_unit is {stated!r} in recording.toml, in which the {kind} pressures would reach "
+                f"{top / 1e3:.4g} kPa, {top / limit:.0f} times the limit of {limit / 1e3:.0f}"
+            )
+            cure = "correct pressure_unit, or the columns"
+            columns = pressure_columns(recording, kind)
+            return unit, (RecordingFault(recording.name, "unit", columns, what, cure, mended=False),)
+    return unit, ()
+
+
 def _pressures_and_bends(
-    recording: Recording, aligned: Recording, specimen: Specimen
+    recording: Recording, aligned: Recording, specimen: Specimen, stated: str | None
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    if not specimen.pressure_limits or not recording.chambers:
-        return recording, ()
-    choice = choose(_explanations(recording, aligned, specimen))
+    choice = choose(_explanations(recording, aligned, specimen, stated))
     found = choice.best.what
     if found == Units():
         return recording, ()
     columns, words = _named(recording, found)
     if not choice.unambiguous:
         other = "; ".join(_named(recording, choice.second.what)[1]) or "pascals and radians as named"
-        cure = f"convert the columns, or set pressure_unit = 'Pa' (odds only {choice.odds:.0f})"
+        cure = f"convert the columns, or set pressure_unit (odds only {choice.odds:.0f})"
         return recording, (
             RecordingFault(
                 recording.name, "unit", columns, f"{'; '.join(words)}, or {other}", cure, False, choice.odds
@@ -142,6 +184,8 @@ def _pressures_and_bends(
         return recording, (RecordingFault(recording.name, "offset", columns, what, cure, False, choice.odds),)
     known = {kind: air for kind, air in offsets.items() if air is not None}
     mended = _converted(recording, found, known)
+    if stated:
+        mended = replace(mended, info={**mended.info, "pressure_unit": "Pa"})
     kind: Kind = "offset" if known else "unit"
     airs = " and ".join(f"{air:.0f}" for air in known.values())
     done = f"counted as {airs} Pa above vacuum at rest and converted" if known else "converted for this run"
@@ -239,20 +283,30 @@ def _aligned(recording: Recording, specimen: Specimen) -> Recording:
     return replace(mended, columns={**mended.columns, **back})
 
 
-def _declared_pascals(recording: Recording) -> bool:
-    return str(recording.info.get("pressure_unit", "")).lower() == "pa"
+def _around_itself(recording: Recording) -> bool:
+    """Return whether bends are larger than any in radians."""
+    bends = [np.linalg.norm(recording.bend(section), axis=1) for section in recording.bends]
+    return any(
+        np.percentile(bend[np.isfinite(bend)], 99.5) > TURN for bend in bends if np.isfinite(bend).any()
+    )
 
 
-def _explanations(recording: Recording, aligned: Recording, specimen: Specimen) -> list[Explanation[Units]]:
-    limit = max(specimen.pressure_limits)
-    sizes = {kind: _sizes(recording, kind) for kind in ("measured", "commanded")}
-    slope = _bend_per_pressure(aligned, specimen)
+def _explanations(
+    recording: Recording, aligned: Recording, specimen: Specimen, stated: str | None
+) -> list[Explanation[Units]]:
+    limit = max(specimen.pressure_limits, default=0.0)
+    sizes = {kind: _sizes(recording, kind) if limit else None for kind in ("measured", "commanded")}
+    slope = _bend_per_pressure(aligned, specimen) if limit and recording.chambers else None
     ratio = _measured_over_commanded(recording)
     options = {
-        kind: tuple(PRESSURES) if sizes[kind] is not None else ("pascals",)
+        kind: (stated if stated and pressure_columns(recording, kind) else "pascals",)
+        if stated or sizes[kind] is None
+        else tuple(PRESSURES)
         for kind in ("measured", "commanded")
     }
     angles = tuple(ANGLES) if slope is not None and recording.bends else ("radians",)
+    if _around_itself(recording):
+        angles = ("degrees",)
     absolute, absolute_commands = (
         (False, True) if sizes[kind] is not None else (False,) for kind in ("measured", "commanded")
     )
@@ -268,8 +322,11 @@ def _explanations(recording: Recording, aligned: Recording, specimen: Specimen) 
         if sizes["commanded"] is not None:
             value += _pressure_likelihood(*sizes["commanded"], PRESSURES[commanded][0], limit, above_too)
         if slope is not None:
-            factor = PRESSURES[measured if sizes["measured"] is not None else commanded][0]
-            bend = slope * ANGLES[angle][0] / factor * limit
+            kind, unit = ("measured", measured) if sizes["measured"] is not None else ("commanded", commanded)
+            factor, largest = PRESSURES[unit][0], sizes[kind]
+            # What is stated to stay far below the limit bends no arm as far as the limit would.
+            reached = min(limit, largest[1] * factor) if stated and largest is not None else limit
+            bend = slope * ANGLES[angle][0] / factor * reached
             value -= 0.5 * (np.log(max(bend, 1e-12) / USUAL_BEND) / BEND_SPREAD) ** 2
         if ratio is not None:
             off = np.log(ratio * PRESSURES[measured][0] / PRESSURES[commanded][0]) / FOLLOWS
