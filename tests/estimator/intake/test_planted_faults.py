@@ -41,6 +41,10 @@ MENDED = {
         "absolute",
     ),
     "all absolute": (arm.scaled("pressure_", "_pa", 1.0, 101325.0), "absolute"),
+    "one absolute": (
+        arm.scaled("pressure_2", "_pa", 1.0, 98e3),
+        "pressure_2_pa never comes below 9[78].* kPa, .* it is absolute; 9[78].* Pa, its reading at rest",
+    ),
     "milliseconds": (
         arm.both(arm.in_milliseconds, arm.stated(rate_hz=arm.RATE)),
         "it is in milliseconds",
@@ -217,6 +221,23 @@ def test_pressures_are_converted_from_the_stated_unit(good: Recording, unit: str
 def test_a_stated_unit_that_cannot_be_is_refused(good: Recording, unit: str, words: str) -> None:
     (refusal,) = take_in(arm.stated(pressure_unit=unit)(good), SPECIMEN).refusals
     assert re.search(words, str(refusal))
+
+
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize("stays_filled", [True, False])
+def test_one_absolute_pressure_is_mended_where_its_chamber_rests(
+    good: Recording, *, stays_filled: bool
+) -> None:
+    measured = {name: values for name, values in good.columns.items() if "cmd" not in name}
+    filled = np.maximum(measured["pressure_2_pa"], 8e3 + 4e3 * np.sin(good.time) if stays_filled else 0.0)
+    recording = replace(good, columns={**measured, "pressure_2_pa": 98e3 + filled})
+    intake = take_in(recording, SPECIMEN)
+    assert bool(intake.refusals) == stays_filled
+    sentence = str(intake.refusals[0]) if stays_filled else intake.sentences[0]
+    assert re.search("pressure_2_pa never comes below .* it is absolute", sentence)
+    assert "raise" not in sentence
+    if not stays_filled:
+        np.testing.assert_allclose(intake.recording.columns["pressure_2_pa"], filled, atol=1e3)
 
 
 @pytest.mark.parametrize("chambers", [True, False])

@@ -73,6 +73,8 @@ ALIKE = 0.05
 the few percent by which valves err."""
 SAME_AIR = 2e3
 """Vented chambers read the same air within this [Pa]."""
+RESTS = 20
+"""Readings of vented chambers that show the pressure of the air."""
 FOLLOWS = 0.15
 SIZE_SPREAD = 0.25
 ANY_PRESSURE = 1e4
@@ -123,6 +125,9 @@ def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
     if stated is None:
         mended, strays = _single_chambers(mended, aligned, specimen)
     mended, found = _pressures_and_bends(mended, aligned, specimen, stated)
+    if all(one.mended for one in found):
+        mended, absolute = _single_absolute(mended, specimen)
+        found = (*found, *absolute)
     return mended, (*lengths, *strays, *found)
 
 
@@ -431,6 +436,54 @@ def _air(recording: Recording, units: Units, kind: str) -> float | None:
     )
     alike = [low for low in lows if low - lows[0] < SAME_AIR]
     return float(np.mean(alike)) if len(alike) >= min(2, len(lows)) else None
+
+
+def _single_absolute(
+    recording: Recording, specimen: Specimen
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Bring single absolute pressures [Pa] beside gauge pressures to gauge pressures.
+
+    The lowest reading of such a sensor is near the pressure of the air, above the limit of its chamber. It is
+    that of the air where the sensor rests at it while the chamber's other column is at zero, or, without one,
+    while all other chambers are.
+    """
+    columns, found = dict(recording.columns), []
+    lows = {name: _lowest(recording.columns[name]) for name in _all_pressures(recording)}
+    strays = [name for name, low in lows.items() if AIR[0] < low < AIR[1] and low > _limit(name, specimen)]
+    for name in strays:
+        values, low, other = recording.columns[name], lows[name], _other_column(name)
+        others = [other] if other in lows else [n for n in lows if ("cmd" in n) == ("cmd" in name)]
+        zero = [np.abs(recording.columns[n]) < SAME_AIR for n in others if n not in strays]
+        vented = np.isfinite(values) & np.all(zero, axis=0) if zero else np.zeros(len(values), dtype=bool)
+        air = float(np.median(values[vented])) if vented.sum() >= RESTS else np.inf
+        known = air - low < SAME_AIR
+        what = (
+            f"{name} never comes below {low / 1e3:.1f} kPa, near the pressure of the air and above the "
+            f"limit of {_limit(name, specimen) / 1e3:.0f}: it is absolute"
+        )
+        cure = (
+            f"{air:.0f} Pa, its reading at rest, were subtracted for this run"
+            if known
+            else "subtract the pressure of the air from it, or record a stretch with all chambers vented"
+        )
+        columns[name] = values - air if known else values
+        found.append(RecordingFault(recording.name, "offset", (name,), what, cure, known))
+    return replace(recording, columns=columns), tuple(found)
+
+
+def _all_pressures(recording: Recording) -> tuple[str, ...]:
+    return tuple(n for kind in ("measured", "commanded") for n in pressure_columns(recording, kind))
+
+
+def _lowest(values: Floats) -> float:
+    """Return the lowest reading but for noise; that of a column without any is zero."""
+    read = values[np.isfinite(values)]
+    return float(np.percentile(read, 1.0)) if len(read) else 0.0
+
+
+def _limit(name: str, specimen: Specimen) -> float:
+    """Return the limit of the chamber of a column [Pa]."""
+    return specimen.pressure_limits[int(name.split("_")[-2])]
 
 
 def _named(recording: Recording, units: Units) -> tuple[tuple[str, ...], tuple[str, ...]]:
