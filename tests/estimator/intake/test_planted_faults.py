@@ -53,6 +53,18 @@ MENDED = {
     "degrees": (arm.scaled("bend_", "_rad", 57.29578), "in degrees"),
     "millimetres": (arm.scaled("frame_", "_m", 1e3), "in millimetres"),
     "markers in millimetres": (arm.scaled("marker_", "_m", 1e3), "in millimetres"),
+    "one marker in millimetres": (
+        arm.scaled("marker_tip0", "_m", 1e3),
+        "marker_tip0 lies 2.* m from the middle of the others, .*: it is in millimetres",
+    ),
+    "two markers in millimetres": (
+        arm.both(arm.scaled("marker_tip0", "_m", 1e3), arm.scaled("marker_tip2", "_m", 1e3)),
+        "marker_tip2 lies 2.* m from the middle of the others, .*: it is in millimetres",
+    ),
+    "one frame in millimetres": (
+        arm.scaled("frame_tip", "_m", 1e3),
+        "frame_tip lies 2.* m from the middle of the others, .*: it is in millimetres",
+    ),
     "late": (arm.shifted(("bend", "frame", "marker"), 2.0), "2.* s behind the pressures"),
     "early": (arm.shifted(("bend", "frame", "marker"), -1.5), "1.* s ahead of the pressures"),
     "one late": (arm.shifted(("bend_tip",), 2.0), "bend_tip is 2.* s behind"),
@@ -75,6 +87,10 @@ REFUSED = {
         "rotated by 6[789] degrees",
     ),
     "no base, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.without_base), "off its rest"),
+    "one marker in centimetres": (
+        arm.scaled("marker_tip0", "_m", 100.0),
+        "marker_tip0 lies 27.* m from .* millimetres or centimetres",
+    ),
     "no base, mirrored": (arm.both(arm.scaled("", "_y_m", -1.0), arm.without_base), "mirrored frame"),
     "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; turn its sign"),
     "three of six chambers": (arm.three_chambers, "has chambers 0, 1, 2, the specimen 6"),
@@ -221,6 +237,32 @@ def test_pressures_are_converted_from_the_stated_unit(good: Recording, unit: str
 def test_a_stated_unit_that_cannot_be_is_refused(good: Recording, unit: str, words: str) -> None:
     (refusal,) = take_in(arm.stated(pressure_unit=unit)(good), SPECIMEN).refusals
     assert re.search(words, str(refusal))
+
+
+@pytest.mark.parametrize("kind", ["frame_", "marker_", ""])
+def test_a_marker_that_the_specimen_does_not_describe_shares_the_unit_of_the_others(
+    good: Recording, kind: str
+) -> None:
+    hook = {f"marker_hook_{axis}_m": good.columns[f"frame_tip_{axis}_m"] + 0.02 for axis in "xyz"}
+    columns = {**good.columns, **hook}
+    if kind != "marker_":
+        columns = {
+            name: v for name, v in columns.items() if not name.startswith(("marker_base", "marker_tip"))
+        }
+    if kind == "marker_":
+        columns = {name: values for name, values in columns.items() if not name.startswith("frame_")}
+    tied = replace(good, columns=columns)
+    fault = arm.scaled("", "_m", 1e3) if kind else arm.scaled("marker_hook", "_m", 1e3)
+    mended, found = mend_units(fault(tied), SPECIMEN)
+    if kind:
+        assert "marker_hook lies " in found[-1].what
+        assert "it is in millimetres as the others" in found[-1].what
+        np.testing.assert_allclose(mended.marker("hook"), tied.marker("hook"))
+        left_alone, _ = mend_units(arm.scaled(kind, "_m", 1e3)(tied) if kind == "frame_" else tied, SPECIMEN)
+        np.testing.assert_allclose(left_alone.marker("hook"), tied.marker("hook"))
+    else:
+        assert not found[-1].mended
+        assert re.search("marker_hook lies 2.* m from the arm", found[-1].what)
 
 
 @pytest.mark.usefixtures("without_events")

@@ -1,4 +1,4 @@
-"""Units of pressures, angles and lengths, and gauge against absolute pressure, by what the specimen can be.
+"""Units of pressures and angles, and gauge against absolute pressure, by what the specimen can be.
 
 | quantity | what is known beforehand |
 |---|---|
@@ -6,7 +6,6 @@
 | lowest pressure | a gauge pressure comes down to about 0 at some time, an absolute one to that of the air |
 | bend at the limit | log-normal about 0.8 rad, a factor of 2.7: it bends visibly, not around itself |
 | measured over commanded pressure | 1 within 15 % |
-| size of the arm | that of the specimen |
 """
 
 from collections.abc import Mapping
@@ -17,11 +16,11 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.clocks import mend_clocks
-from softarm.estimator.intake.hypotheses import BestExplanation, Explanation, choose
+from softarm.estimator.intake.hypotheses import Explanation, choose
+from softarm.estimator.intake.lengths import mend_lengths
 from softarm.estimator.intake.lost import without_zeros
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import Recording
-from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.statistics import MAD_TO_STD
 
@@ -49,12 +48,6 @@ BEYOND_LIMIT = 10.0
 TURN = 2.0 * np.pi
 """Bend [rad] that no section reaches: it would lie around itself."""
 ANGLES = {"radians": (1.0, 0.0), "degrees": (np.pi / 180.0, -3.0)}
-LENGTHS = {
-    "metres": (1.0, 0.0),
-    "millimetres": (1e-3, -3.0),
-    "centimetres": (1e-2, -4.0),
-    "inches": (0.0254, -6.0),
-}
 USUAL_PRESSURE, BELOW, ABOVE = 0.6, 1.0, 0.4
 """Usual largest pressure over the limit, and its spread (logarithm) below and above."""
 USUAL_BEND, BEND_SPREAD = 0.8, 1.0
@@ -76,7 +69,6 @@ SAME_AIR = 2e3
 RESTS = 20
 """Readings of vented chambers that show the pressure of the air."""
 FOLLOWS = 0.15
-SIZE_SPREAD = 0.25
 ANY_PRESSURE = 1e4
 """Change [Pa] to which all pressures are brought where only their course in time counts."""
 STRAYED = 30.0
@@ -116,7 +108,7 @@ def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
     Returns:
         The recording, mended where one explanation wins, and what was found.
     """
-    mended, lengths = _lengths(recording, specimen)
+    mended, lengths = mend_lengths(recording, specimen)
     stated, contradictions = _stated(mended, specimen)
     if contradictions:
         return mended, (*lengths, *contradictions)
@@ -520,79 +512,3 @@ def _converted(recording: Recording, units: Units, offsets: Mapping[str, float])
                 columns[f"bend_{section}_{axis}_rad"] * ANGLES[units.angle][0]
             )
     return replace(recording, columns=columns)
-
-
-def _lengths(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Bring positions to metres: markers and frames each have a size that the specimen knows."""
-    mended, found = recording, []
-    for kind, sizes in (
-        ("frame", _frame_sizes(recording, specimen)),
-        ("marker", _marker_sizes(recording, specimen)),
-    ):
-        if sizes is None:
-            continue
-        size, expected, spread = sizes
-        choice: BestExplanation[str] = choose(
-            [
-                Explanation(unit, prior - 0.5 * (np.log(max(size * factor, 1e-12) / expected) / spread) ** 2)
-                for unit, (factor, prior) in LENGTHS.items()
-            ]
-        )
-        unit = choice.best.what
-        if unit == "metres":
-            continue
-        names = tuple(
-            n for n in recording.columns if n.startswith(f"{kind}_") and n.endswith(("_x_m", "_y_m", "_z_m"))
-        )
-        what = f"the {kind}s lie {size:.4g} apart, the specimen's {expected:.4g} m: they are in {unit}"
-        if not choice.unambiguous:
-            cure = f"convert them to metres (odds only {choice.odds:.0f} against {choice.second.what})"
-            found.append(RecordingFault(recording.name, "unit", names, what, cure, False, choice.odds))
-            continue
-        factor = LENGTHS[unit][0]
-        scaled = {name: v * factor if name in names else v for name, v in mended.columns.items()}
-        mended = replace(mended, columns=scaled)
-        found.append(
-            RecordingFault(recording.name, "unit", names, what, "converted for this run", True, choice.odds)
-        )
-    return mended, tuple(found)
-
-
-def _frame_sizes(recording: Recording, specimen: Specimen) -> tuple[float, float, float] | None:
-    known = {s.name: np.array(s.frame_origin_m) for s in specimen.sections}
-    names = [name for name in recording.frames if name in known]
-    places = {name: _usual(recording.pose(name)[:, :3]) for name in names}
-    names = [name for name in names if np.isfinite(places[name]).all()]
-    if len(names) >= 2:
-        spread = _apart([places[name] for name in names])
-        return spread, _apart([known[name] for name in names]), SIZE_SPREAD
-    if len(names) == 1:
-        ways = np.nanpercentile(recording.pose(names[0])[:, :3], [5.0, 95.0], axis=0)
-        travel = float(np.linalg.norm(np.ptp(ways, axis=0)))
-        return (travel, 0.4 * specimen.length_m, 1.2) if travel > 0.0 else None
-    return None
-
-
-def _marker_sizes(recording: Recording, specimen: Specimen) -> tuple[float, float, float] | None:
-    known = [marker for marker in specimen.markers if marker.name in recording.markers]
-    places = {marker.name: _usual(recording.marker(marker.name)) for marker in known}
-    known = [marker for marker in known if np.isfinite(places[marker.name]).all()]
-    if len(known) < 2:
-        return None
-    rest = []
-    for marker in known:
-        section = specimen.section(marker.section)
-        turn = from_quaternions(np.array(section.frame_quaternion))
-        rest.append(np.array(section.frame_origin_m) + turn @ np.array(marker.offset_m))
-    return _apart([places[marker.name] for marker in known]), _apart(rest), SIZE_SPREAD
-
-
-def _usual(places: Floats) -> Floats:
-    seen = places[np.isfinite(places).all(axis=1)]
-    return np.median(seen, axis=0) if len(seen) else np.full(3, np.nan)
-
-
-def _apart(places: list[Floats]) -> float:
-    """Compute the rms distance of places from their mean."""
-    points = np.array(places)
-    return float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))
