@@ -50,6 +50,12 @@ MENDED = {
         "it is in milliseconds",
     ),
     "zeros": (arm.zeros_where_lost, "marker_tip0 40 zeros"),
+    "placeholders": (
+        arm.placeholders(-9999.0, ("frame_tip", "marker_tip0", "bend_tip")),
+        "one number on all axes .* frame_tip 160 times -9999, marker_tip0 160 times",
+    ),
+    "small placeholders": (arm.placeholders(-1.0, ("frame_tip",), ("_m",)), "frame_tip 160 times -1"),
+    "far readings": (arm.placeholders(-9999.0, ("frame_tip_x",)), "frame_tip 160 readings beyond 50 m"),
     "degrees": (arm.scaled("bend_", "_rad", 57.29578), "in degrees"),
     "millimetres": (arm.scaled("frame_", "_m", 1e3), "in millimetres"),
     "markers in millimetres": (arm.scaled("marker_", "_m", 1e3), "in millimetres"),
@@ -111,6 +117,8 @@ KINDS = (
 PAIRS = [
     *(pair for one, other in combinations(KINDS, 2) for pair in product(one, other)),
     ("zeros", "markers"),
+    ("millimetres", "placeholders"),
+    ("placeholders", "degrees"),
     ("zeros", "markers in millimetres"),
     ("milliseconds", "kilopascals"),
     ("all absolute", "bars"),

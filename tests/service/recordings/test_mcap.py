@@ -139,12 +139,15 @@ def test_two_messages_at_one_time_are_refused(tmp_path: Path) -> None:
         load_recording(tmp_path / "run.mcap")
 
 
+@pytest.mark.parametrize("number", [0.0, -9999.0])
 @pytest.mark.parametrize("suffix", [".csv", ".mcap"])
-def test_values_that_an_intake_mends_are_refused_only_without_one(tmp_path: Path, suffix: str) -> None:
+def test_values_that_an_intake_mends_are_refused_only_without_one(
+    tmp_path: Path, suffix: str, number: float
+) -> None:
     time = 0.05 * np.arange(100)
     names = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
     pose = dict(zip(names, (12.0, 8.0, 276.0, 1.0, 0.0, 0.0, 0.0), strict=True))
-    columns = {f"frame_tip_{name}": np.where(time < 1.0, 0.0, value) for name, value in pose.items()}
+    columns = {f"frame_tip_{name}": np.where(time < 1.0, number, value) for name, value in pose.items()}
     columns["pressure_0_pa"] = 30.0 + 10.0 * np.sin(time)
     path = tmp_path / f"run{suffix}"
     save_recording(Recording("run", time, columns), path)

@@ -11,7 +11,7 @@ from softarm.estimator.intake.events import find_events
 from softarm.estimator.intake.frozen import frozen_pressures
 from softarm.estimator.intake.labels import mend_labels
 from softarm.estimator.intake.limits import over_limit
-from softarm.estimator.intake.lost import mend_lost, mend_unrecorded
+from softarm.estimator.intake.lost import mend_lost, mend_placeholders, mend_unrecorded
 from softarm.estimator.intake.mounts import check_mount
 from softarm.estimator.intake.result import Intake, RecordingFault, without_motion
 from softarm.estimator.intake.sections import mend_bends, mend_sections
@@ -88,6 +88,7 @@ Step = Callable[[Recording, Specimen], tuple[Recording, tuple[RecordingFault, ..
 STEPS: tuple[Step, ...] = (
     mend_time,
     mend_unrecorded,
+    mend_placeholders,
     mend_units,
     mend_lost,
     mend_still,
