@@ -398,6 +398,26 @@ def test_pressures_above_the_limit_are_left_out_of_fits(good: Recording) -> None
     assert arrange(intake.for_estimates, intake_specimen).pressures.max() < 44e3
 
 
+@pytest.mark.parametrize("moved", [True, False])
+def test_seconds_without_pressures_are_named_and_no_event(good: Recording, *, moved: bool) -> None:
+    lost = (good.time > 30.0) & (good.time < 42.0)
+    measured = tuple(f"pressure_{k}_pa" for k in range(6))
+    columns = {n: np.where(lost, np.nan, v) if n in measured else v for n, v in good.columns.items()}
+    if not moved:
+        columns = {n: np.where(lost, np.nan, v) if n.startswith("bend") else v for n, v in columns.items()}
+        columns = {n: v for n, v in columns.items() if not n.startswith(("frame", "marker"))}
+    intake = take_in(replace(good, columns=columns), SPECIMEN)
+    assert not intake.events
+    assert not intake.refusals
+    words = (
+        "run: no pressure of chambers 0, 1, 2, 3, 4, 5 was read from 30.0 to 42.0 s; left out of every fit"
+    )
+    assert [words in sentence for sentence in intake.sentences] == [True] * moved
+    seen = np.isfinite(intake.for_fits.columns["bend_tip_x_rad"])
+    assert not seen[lost].any()
+    assert seen[~lost].mean() > 0.95
+
+
 @pytest.mark.usefixtures("without_events")
 @pytest.mark.parametrize("lost", [(), (3,), (1, 4)])
 @pytest.mark.parametrize("empty", [True, False])

@@ -8,7 +8,7 @@ from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.events import find_events
-from softarm.estimator.intake.frozen import frozen_pressures
+from softarm.estimator.intake.frozen import frozen_pressures, unread_pressures
 from softarm.estimator.intake.labels import mend_labels
 from softarm.estimator.intake.limits import over_limit
 from softarm.estimator.intake.lost import mend_lost, mend_placeholders, mend_unrecorded
@@ -117,10 +117,11 @@ def take_in(recording: Recording, specimen: Specimen) -> Intake:
         intake = intake.with_recording(mended, faults)
     beyond, limits = over_limit(intake.recording, specimen)
     frozen, unrecorded = frozen_pressures(intake.recording, specimen)
-    intake = intake.with_recording(intake.recording, (*limits, *unrecorded))
+    unread, lost = unread_pressures(intake.recording)
+    intake = intake.with_recording(intake.recording, (*limits, *unrecorded, *lost))
     if intake.refusals:
         return intake
-    stretches = (*beyond, *frozen)
+    stretches = (*beyond, *frozen, *unread)
     driven = without_pressures(intake.recording, stuck_pressures(intake.recording), by_set_points=True)
     events = find_events(without_motion(driven, stretches), specimen)
     return Intake(
