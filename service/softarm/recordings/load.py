@@ -39,7 +39,7 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
     name = path.parent.name if path.stem == STEM and path.parent.name else path.stem
     suffix = path.suffix.lower()
     if is_mcap(path):
-        return read_mcap(path, name.removesuffix(".mcap"))
+        return read_mcap(path, name.removesuffix(".mcap"), units_checked=units_checked)
     info = read_info(column_map or sidecar(path))
     source = str(path)
     columns: dict[str, Floats]

@@ -53,11 +53,16 @@ def _span(begin_s: float, end_s: float) -> str:
     return f"from {begin_s:.3f} s to " + ("its end" if np.isinf(end_s) else f"{end_s:.3f} s")
 
 
-def read_mcap(path: Path, name: str) -> Recording:
+def read_mcap(path: Path, name: str, *, units_checked: bool = True) -> Recording:
     """Read a recording; ``info["recovered"]`` and ``info["lost_s"]`` state what could not be read.
 
+    Args:
+        path: The file.
+        name: What reports call it.
+        units_checked: Whether values that only another unit explains are refused.
+
     Raises:
-        InputError: It is no MCAP file or holds no stream of a recording.
+        InputError: It is no MCAP file, holds no stream of a recording, or values that cannot be true.
     """
     contents = read_contents(path)
     source = str(path)
@@ -68,7 +73,7 @@ def read_mcap(path: Path, name: str) -> Recording:
         info["recovered"] = contents.flaws
     if contents.lost:
         info["lost_s"] = [list(stretch) for stretch in contents.lost]
-    return checked_recording(name, source, columns, info)
+    return checked_recording(name, source, columns, info, units_checked=units_checked)
 
 
 def read_contents(path: Path) -> Contents:

@@ -139,10 +139,15 @@ def _check_pressure_unit(source: str, recording: Recording) -> None:
 
 
 def _check_quaternions(source: str, recording: Recording, *, lost: bool) -> None:
-    """Refuse quaternions that are not of unit length; zeros only where they may not stand for a lost body."""
+    """Refuse quaternions that are not of unit length.
+
+    Four equal numbers, such as zeros, are refused only where they may not stand for a lost body.
+    """
     for section in recording.frames:
-        norms = np.linalg.norm(recording.pose(section)[:, 3:], axis=1)
-        bad = np.flatnonzero((np.abs(norms - 1.0) > QUATERNION_TOLERANCE) & ~(lost & (norms == 0.0)))
+        quaternions = recording.pose(section)[:, 3:]
+        norms = np.linalg.norm(quaternions, axis=1)
+        alike = (quaternions == quaternions[:, :1]).all(axis=1)
+        bad = np.flatnonzero((np.abs(norms - 1.0) > QUATERNION_TOLERANCE) & ~(lost & alike))
         if bad.size:
             raise InputError(
                 f"{source}, columns frame_{section}_qw ... qz, {row(source, bad[0])}",

@@ -41,14 +41,36 @@ MENDED = {
         "absolute",
     ),
     "all absolute": (arm.scaled("pressure_", "_pa", 1.0, 101325.0), "absolute"),
+    "one absolute": (
+        arm.scaled("pressure_2", "_pa", 1.0, 98e3),
+        "pressure_2_pa never comes below 9[78].* kPa, .* it is absolute; 9[78].* Pa, its reading at rest",
+    ),
     "milliseconds": (
         arm.both(arm.in_milliseconds, arm.stated(rate_hz=arm.RATE)),
         "it is in milliseconds",
     ),
     "zeros": (arm.zeros_where_lost, "marker_tip0 40 zeros"),
+    "placeholders": (
+        arm.placeholders(-9999.0, ("frame_tip", "marker_tip0", "bend_tip")),
+        "one number on all axes .* frame_tip 160 times -9999, marker_tip0 160 times",
+    ),
+    "small placeholders": (arm.placeholders(-1.0, ("frame_tip",), ("_m",)), "frame_tip 160 times -1"),
+    "far readings": (arm.placeholders(-9999.0, ("frame_tip_x",)), "frame_tip 160 readings beyond 50 m"),
     "degrees": (arm.scaled("bend_", "_rad", 57.29578), "in degrees"),
     "millimetres": (arm.scaled("frame_", "_m", 1e3), "in millimetres"),
     "markers in millimetres": (arm.scaled("marker_", "_m", 1e3), "in millimetres"),
+    "one marker in millimetres": (
+        arm.scaled("marker_tip0", "_m", 1e3),
+        "marker_tip0 lies 2.* m from the middle of the others, .*: it is in millimetres",
+    ),
+    "two markers in millimetres": (
+        arm.both(arm.scaled("marker_tip0", "_m", 1e3), arm.scaled("marker_tip2", "_m", 1e3)),
+        "marker_tip2 lies 2.* m from the middle of the others, .*: it is in millimetres",
+    ),
+    "one frame in millimetres": (
+        arm.scaled("frame_tip", "_m", 1e3),
+        "frame_tip lies 2.* m from the middle of the others, .*: it is in millimetres",
+    ),
     "late": (arm.shifted(("bend", "frame", "marker"), 2.0), "2.* s behind the pressures"),
     "early": (arm.shifted(("bend", "frame", "marker"), -1.5), "1.* s ahead of the pressures"),
     "one late": (arm.shifted(("bend_tip",), 2.0), "bend_tip is 2.* s behind"),
@@ -71,6 +93,10 @@ REFUSED = {
         "rotated by 6[789] degrees",
     ),
     "no base, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.without_base), "off its rest"),
+    "one marker in centimetres": (
+        arm.scaled("marker_tip0", "_m", 100.0),
+        "marker_tip0 lies 27.* m from .* millimetres or centimetres",
+    ),
     "no base, mirrored": (arm.both(arm.scaled("", "_y_m", -1.0), arm.without_base), "mirrored frame"),
     "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; turn its sign"),
     "three of six chambers": (arm.three_chambers, "has chambers 0, 1, 2, the specimen 6"),
@@ -91,6 +117,8 @@ KINDS = (
 PAIRS = [
     *(pair for one, other in combinations(KINDS, 2) for pair in product(one, other)),
     ("zeros", "markers"),
+    ("millimetres", "placeholders"),
+    ("placeholders", "degrees"),
     ("zeros", "markers in millimetres"),
     ("milliseconds", "kilopascals"),
     ("all absolute", "bars"),
@@ -190,6 +218,90 @@ def test_pressures_that_are_stated_to_be_in_pascals_are_left_alone(good: Recordi
     np.testing.assert_array_equal(mended.columns["pressure_1_pa"], stated.columns["pressure_1_pa"])
 
 
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize("name", ["degrees", "absolute", "all absolute"])
+def test_a_stated_unit_of_pressures_hides_no_other_fault(good: Recording, name: str) -> None:
+    fault, words = MENDED[name]
+    intake = take_in(arm.both(fault, arm.stated(pressure_unit="Pa"))(good), SPECIMEN)
+    assert not intake.refusals
+    _require(intake.sentences, words)
+    _require_alike(intake.recording, good)
+
+
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize(("unit", "pascals"), [("kPa", 1e3), ("psi", 6894.757), ("mbar", 1e2), ("hpa", 1e2)])
+def test_pressures_are_converted_from_the_stated_unit(good: Recording, unit: str, pascals: float) -> None:
+    fault = arm.both(arm.scaled("pressure_", "_pa", 1.0 / pascals), arm.stated(pressure_unit=unit))
+    intake = take_in(fault(good), SPECIMEN)
+    assert not intake.refusals
+    _require_alike(intake.recording, good)
+    assert not take_in(intake.recording, SPECIMEN).sentences  # what was converted is not converted again
+
+
+@pytest.mark.parametrize(
+    ("unit", "words"),
+    [("torr", "pressure_unit is 'torr' .* none of Pa, kPa"), ("kPa", "would reach .* times the limit of 65")],
+)
+def test_a_stated_unit_that_cannot_be_is_refused(good: Recording, unit: str, words: str) -> None:
+    (refusal,) = take_in(arm.stated(pressure_unit=unit)(good), SPECIMEN).refusals
+    assert re.search(words, str(refusal))
+
+
+@pytest.mark.parametrize("kind", ["frame_", "marker_", ""])
+def test_a_marker_that_the_specimen_does_not_describe_shares_the_unit_of_the_others(
+    good: Recording, kind: str
+) -> None:
+    hook = {f"marker_hook_{axis}_m": good.columns[f"frame_tip_{axis}_m"] + 0.02 for axis in "xyz"}
+    columns = {**good.columns, **hook}
+    if kind != "marker_":
+        columns = {
+            name: v for name, v in columns.items() if not name.startswith(("marker_base", "marker_tip"))
+        }
+    if kind == "marker_":
+        columns = {name: values for name, values in columns.items() if not name.startswith("frame_")}
+    tied = replace(good, columns=columns)
+    fault = arm.scaled("", "_m", 1e3) if kind else arm.scaled("marker_hook", "_m", 1e3)
+    mended, found = mend_units(fault(tied), SPECIMEN)
+    if kind:
+        assert "marker_hook lies " in found[-1].what
+        assert "it is in millimetres as the others" in found[-1].what
+        np.testing.assert_allclose(mended.marker("hook"), tied.marker("hook"))
+        left_alone, _ = mend_units(arm.scaled(kind, "_m", 1e3)(tied) if kind == "frame_" else tied, SPECIMEN)
+        np.testing.assert_allclose(left_alone.marker("hook"), tied.marker("hook"))
+    else:
+        assert not found[-1].mended
+        assert re.search("marker_hook lies 2.* m from the arm", found[-1].what)
+
+
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize("stays_filled", [True, False])
+def test_one_absolute_pressure_is_mended_where_its_chamber_rests(
+    good: Recording, *, stays_filled: bool
+) -> None:
+    measured = {name: values for name, values in good.columns.items() if "cmd" not in name}
+    filled = np.maximum(measured["pressure_2_pa"], 8e3 + 4e3 * np.sin(good.time) if stays_filled else 0.0)
+    recording = replace(good, columns={**measured, "pressure_2_pa": 98e3 + filled})
+    intake = take_in(recording, SPECIMEN)
+    assert bool(intake.refusals) == stays_filled
+    sentence = str(intake.refusals[0]) if stays_filled else intake.sentences[0]
+    assert re.search("pressure_2_pa never comes below .* it is absolute", sentence)
+    assert "raise" not in sentence
+    if not stays_filled:
+        np.testing.assert_allclose(intake.recording.columns["pressure_2_pa"], filled, atol=1e3)
+
+
+@pytest.mark.parametrize("chambers", [True, False])
+def test_bends_beyond_a_whole_turn_are_in_degrees(good: Recording, *, chambers: bool) -> None:
+    slight = arm.scaled("bend_", "_rad", 0.2 * 57.29578)(good)
+    if not chambers:
+        columns = {name: values for name, values in slight.columns.items() if name.startswith("bend_")}
+        slight = replace(slight, columns=columns)
+    mended, (found,) = mend_units(slight, SPECIMEN)
+    assert "are in degrees" in found.what
+    for name in ("bend_tip_x_rad", "bend_intermediate_y_rad"):
+        np.testing.assert_allclose(mended.columns[name], 0.2 * good.columns[name])
+
+
 def test_a_chamber_that_is_commanded_to_open_hardly_at_all_is_no_other_unit(good: Recording) -> None:
     slow = 1000.0 * (1.0 - np.cos(0.2 * good.time))
     columns = {"pressure_cmd_3_pa": slow, "pressure_3_pa": 100.0 * np.round(0.3 * slow / 100.0)}
@@ -284,6 +396,26 @@ def test_pressures_above_the_limit_are_left_out_of_fits(good: Recording) -> None
     for seen in (intake.for_fits, intake.for_estimates):
         assert not np.isfinite(seen.columns["bend_tip_x_rad"][above]).any()
     assert arrange(intake.for_estimates, intake_specimen).pressures.max() < 44e3
+
+
+@pytest.mark.parametrize("moved", [True, False])
+def test_seconds_without_pressures_are_named_and_no_event(good: Recording, *, moved: bool) -> None:
+    lost = (good.time > 30.0) & (good.time < 42.0)
+    measured = tuple(f"pressure_{k}_pa" for k in range(6))
+    columns = {n: np.where(lost, np.nan, v) if n in measured else v for n, v in good.columns.items()}
+    if not moved:
+        columns = {n: np.where(lost, np.nan, v) if n.startswith("bend") else v for n, v in columns.items()}
+        columns = {n: v for n, v in columns.items() if not n.startswith(("frame", "marker"))}
+    intake = take_in(replace(good, columns=columns), SPECIMEN)
+    assert not intake.events
+    assert not intake.refusals
+    words = (
+        "run: no pressure of chambers 0, 1, 2, 3, 4, 5 was read from 30.0 to 42.0 s; left out of every fit"
+    )
+    assert [words in sentence for sentence in intake.sentences] == [True] * moved
+    seen = np.isfinite(intake.for_fits.columns["bend_tip_x_rad"])
+    assert not seen[lost].any()
+    assert seen[~lost].mean() > 0.95
 
 
 @pytest.mark.usefixtures("without_events")

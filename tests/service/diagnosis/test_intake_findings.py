@@ -5,12 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.analysis.diagnosis.intake import with_intakes
+from softarm.analysis.diagnosis.intake import take_all_in, with_intakes
 from softarm.estimator.diagnosis.events import EventErrors
 from softarm.estimator.diagnosis.result import Quantity
+from softarm.estimator.errors import InputError
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
 from softarm.estimator.intake.events import LEAST
 from softarm.estimator.recording import Recording
+from tests.estimator.intake import small_arm as arm
 from tests.service.diagnosis.made_diagnosis import diagnosis
 
 EVENT = Disturbance("run_03", (12.0, 16.0), ("bend_tip",), 0.1, 0.03, 0.01, 0.002, 0.99)
@@ -65,3 +67,16 @@ def test_a_sensor_that_stands_still_in_several_recordings_is_one_finding():
     (both,) = with_intakes(replace(diagnosis(), findings=(later,)), intakes, ()).findings
     assert both.parameters["since"].value == 3.0
     assert both.statement.startswith("It stands still in run_02. run_00: it stands still")
+
+
+def test_a_recording_of_which_nothing_is_left_is_refused_with_what_was_found() -> None:
+    good = arm.small_arm(seconds=40.0, parts=("frame",))
+    columns = {
+        name: np.full_like(values, 2e4) if name.startswith("pressure_") else values
+        for name, values in good.columns.items()
+    }
+    words = (
+        r"no reading of the motion is left .* every pressure reads one and the same number while frame_tip"
+    )
+    with pytest.raises(InputError, match=words):
+        take_all_in([replace(good, columns=columns)], [], arm.specimen())

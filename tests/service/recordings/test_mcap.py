@@ -8,7 +8,8 @@ from mcap.records import Message
 
 from softarm.cli import run
 from softarm.estimator.errors import InputError
-from softarm.recordings import load_events, load_recording, read_attachments
+from softarm.estimator.recording import Recording
+from softarm.recordings import load_events, load_recording, read_attachments, save_recording
 from softarm.recordings.mcap_writer import NANOSECONDS, RecordTimes, Start, StreamWriter, Topic
 
 PRESSURES = Topic("pressures", ("chamber_0_pa", "chamber_1_pa"), "fake+modbus://x")
@@ -186,3 +187,22 @@ def test_a_conversion_to_mcap_keeps_every_message_as_it_is(tmp_path: Path, *, cu
     assert (info["arm"], "recovered" in info) == ("one", cut_off)
     assert run(["convert", str(part), str(copy)]) == 2
     assert run(["convert", str(part), str(copy), "--force"]) == 0
+
+
+@pytest.mark.parametrize("number", [0.0, -9999.0])
+@pytest.mark.parametrize("suffix", [".csv", ".mcap"])
+def test_values_that_an_intake_mends_are_refused_only_without_one(
+    tmp_path: Path, suffix: str, number: float
+) -> None:
+    time = 0.05 * np.arange(100)
+    names = ("x_m", "y_m", "z_m", "qw", "qx", "qy", "qz")
+    pose = dict(zip(names, (12.0, 8.0, 276.0, 1.0, 0.0, 0.0, 0.0), strict=True))
+    columns = {f"frame_tip_{name}": np.where(time < 1.0, number, value) for name, value in pose.items()}
+    columns["pressure_0_pa"] = 30.0 + 10.0 * np.sin(time)
+    path = tmp_path / f"run{suffix}"
+    save_recording(Recording("run", time, columns), path)
+    with pytest.raises(InputError, match="cannot be"):
+        load_recording(path)
+    read = load_recording(path, units_checked=False)
+    for name, values in columns.items():
+        np.testing.assert_array_equal(read.columns[name], values)

@@ -152,6 +152,12 @@ def moves(recording: Recording) -> bool:
     return False
 
 
+def motion_left(recording: Recording) -> bool:
+    """Return whether any reading of the motion is left, where there was one."""
+    motion = motion_columns(recording).values()
+    return not motion or any(np.isfinite(values).any() for values in motion)
+
+
 def _opens_valves(recording: Recording) -> bool:
     """Return whether set-points and pressures were recorded without the arm: a test of valves."""
     both = [
@@ -207,8 +213,7 @@ def _check_length(recording: Recording) -> None:
 
 
 def _check_motion(recording: Recording) -> None:
-    motion = motion_columns(recording).values()
-    if motion and not any(np.isfinite(values).any() for values in motion):
+    if not motion_left(recording):
         raise InputError(
             recording.name,
             "no reading of the motion is left: all are lost, or in stretches that no fit may see",

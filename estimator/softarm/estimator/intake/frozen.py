@@ -12,10 +12,11 @@ from itertools import pairwise
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.intake.result import RecordingFault
+from softarm.estimator.intake.grid import lost_pressures
+from softarm.estimator.intake.result import MOTION, RecordingFault
 from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
-from softarm.estimator.series import window_means
+from softarm.estimator.series import inside, window_means
 from softarm.estimator.specimen import Specimen
 
 SHORTEST = 5.0
@@ -74,6 +75,31 @@ def frozen_pressures(
     return tuple(stretches), tuple(faults)
 
 
+def unread_pressures(
+    recording: Recording,
+) -> tuple[tuple[tuple[float, float], ...], tuple[RecordingFault, ...]]:
+    """Find the stretches [s] within a recording in which a pressure was not read although the motion was.
+
+    Returns:
+        The stretches, which no fit may see, and one mismatch for each.
+    """
+    motion = [values for name, values in recording.columns.items() if name.startswith(MOTION)]
+    seen = recording.time[np.isfinite(motion).any(axis=0)] if motion else np.zeros(0)
+    chambers: dict[tuple[float, float], list[int]] = {}
+    for chamber, begin, end in lost_pressures(recording):
+        within = recording.time[0] < begin and end < recording.time[-1]
+        if within and ((seen > begin) & (seen < end)).any():
+            chambers.setdefault((begin, end), []).append(chamber)
+    faults = []
+    for (begin, end), lost in chambers.items():
+        many = f"chambers {', '.join(map(str, lost))}" if len(lost) > 1 else f"chamber {lost[0]}"
+        what = f"no pressure of {many} was read from {begin:.1f} to {end:.1f} s"
+        cure = "left out of every fit and of the search for events"
+        columns = tuple(f"pressure_{chamber}_pa" for chamber in lost)
+        faults.append(RecordingFault(recording.name, "lost", columns, what, cure))
+    return tuple(chambers), tuple(faults)
+
+
 def _rests(recording: Recording) -> list[tuple[float, float]]:
     """List the stretches [s] in which no pressure or set-point changes at all, and no gauge pulls."""
     changes = np.zeros(len(recording.time), dtype=bool)
@@ -83,6 +109,7 @@ def _rests(recording: Recording) -> list[tuple[float, float]]:
             changes[observed[1:][np.diff(values[observed]) != 0.0]] = True
     for gauge in recording.gauges:
         changes |= np.abs(np.nan_to_num(recording.gauge(gauge))) > TAUT
+    changes |= inside(recording.time, [(begin, end) for _, begin, end in lost_pressures(recording)])
     edges = [0, *np.flatnonzero(changes).tolist(), len(changes)]
     spans = [(float(recording.time[a]), float(recording.time[b - 1])) for a, b in pairwise(edges) if b > a]
     return [(begin, end) for begin, end in spans if end - begin >= SHORTEST]

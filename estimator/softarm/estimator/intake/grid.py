@@ -8,7 +8,12 @@ from numpy.typing import NDArray
 from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.streams import SampledStream
 from softarm.estimator.recording import Recording
-from softarm.estimator.series import window_means
+from softarm.estimator.series import inside, window_means
+
+LONGEST_LOSS = 1.0
+"""Longest time without a reading of a pressure that is bridged [s]: a valve fills a chamber within it."""
+USUAL_LOSS = 5.0
+"""And in times the usual step of the readings, which may be slow ones."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +24,8 @@ class Grid:
         time: Middle of each window [s], shape (windows,).
         step: Length of a window [s].
         pressures: Gauge pressures of the recorded chambers [Pa], shape (windows, chambers).
-        values: Moving values of all streams, NaN where none was read, shape (windows, values).
+        values: Moving values of all streams, NaN where none was read or a pressure was lost for longer than
+            ``LONGEST_LOSS``, shape (windows, values).
         stream: Index of the stream of each value, shape (values,).
         units: Unit of each value.
     """
@@ -50,6 +56,7 @@ def grid_of(recording: Recording, streams: tuple[SampledStream, ...], step: floa
     count = int(edges[-1]) + 1
     moving = [stream.moving for stream in streams]
     none = np.zeros((len(recording.time), 0))
+    time = recording.time[0] + (np.arange(count) + 0.5) * step
     values = np.column_stack([none, *(s.values[:, flags] for s, flags in zip(streams, moving, strict=True))])
     numbers = [np.full(int(flags.sum()), k) for k, flags in enumerate(moving)]
     units = [
@@ -58,14 +65,35 @@ def grid_of(recording: Recording, streams: tuple[SampledStream, ...], step: floa
         for unit, keep in zip(s.units, flags, strict=True)
         if keep
     ]
+    means = window_means(values, edges, count)
+    means[inside(time, [(begin, end) for _, begin, end in lost_pressures(recording)])] = np.nan
     return Grid(
-        recording.time[0] + (np.arange(count) + 0.5) * step,
+        time,
         step,
         _filled(window_means(pressures_of(recording), edges, count)),
-        window_means(values, edges, count),
+        means,
         np.concatenate([*numbers, np.zeros(0, dtype=np.int64)]).astype(np.int64),
         tuple(units),
     )
+
+
+def lost_pressures(recording: Recording) -> list[tuple[int, float, float]]:
+    """List the stretches in which a pressure that was read at other times was lost for long.
+
+    Returns:
+        Chamber, begin and end [s] of each.
+    """
+    losses = []
+    for chamber in recording.chambers:
+        times = recording.time[np.isfinite(recording.pressure(chamber)[0])]
+        if len(times) < 2:
+            continue
+        longest = max(LONGEST_LOSS, USUAL_LOSS * float(np.median(np.diff(times))))
+        ends = np.concatenate([recording.time[:1], times, recording.time[-1:]])
+        losses += [
+            (chamber, float(ends[k]), float(ends[k + 1])) for k in np.flatnonzero(np.diff(ends) > longest)
+        ]
+    return losses
 
 
 def _filled(columns: Floats) -> Floats:

@@ -1,25 +1,23 @@
 """All steps of an intake, in the order in which each may rely on the one before."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
-
-import numpy as np
 
 from softarm.estimator.diagnosis.stuck import stuck_pressures, without_pressures
 from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.events import find_events
-from softarm.estimator.intake.frozen import frozen_pressures
+from softarm.estimator.intake.frozen import frozen_pressures, unread_pressures
 from softarm.estimator.intake.labels import mend_labels
 from softarm.estimator.intake.limits import over_limit
-from softarm.estimator.intake.lost import mend_lost, mend_unrecorded
+from softarm.estimator.intake.lost import mend_lost, mend_placeholders, mend_unrecorded
 from softarm.estimator.intake.mounts import check_mount
 from softarm.estimator.intake.result import Intake, RecordingFault, without_motion
 from softarm.estimator.intake.sections import mend_bends, mend_sections
 from softarm.estimator.intake.signs import mend_signs
 from softarm.estimator.intake.still import mend_still
+from softarm.estimator.intake.time_axis import mend_time
 from softarm.estimator.intake.units import mend_units
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen
@@ -75,33 +73,6 @@ def _listed(names: object) -> str:
     return ", ".join(map(str, names)) if isinstance(names, list | tuple) else str(names)
 
 
-TIME_UNITS = {"milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9}
-NEAR = 1.5
-"""Factor within which steps agree with the stated rate."""
-LONGEST_STEP = 2.0
-"""Steps longer than this [s] show no motion; without a stated rate nobody knows their unit."""
-
-
-def mend_time(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:  # noqa: ARG001
-    """Bring the time to seconds where only another unit agrees with the stated rate."""
-    if len(recording.time) < 2:
-        return recording, ()
-    step = float(np.median(np.diff(recording.time)))
-    rate = recording.info.get("rate_hz")
-    if isinstance(rate, int | float) and rate > 0:
-        for unit, factor in TIME_UNITS.items():
-            if 1.0 / NEAR < step * factor * rate < NEAR:
-                what = f"t_s rises by {step:.4g} a sample at a stated rate of {rate:g} Hz: it is in {unit}"
-                time = recording.time * factor
-                mended = RecordingFault(recording.name, "unit", ("t_s",), what, "converted for this run")
-                return replace(recording, time=time), (mended,)
-    elif step > LONGEST_STEP:
-        what = f"t_s rises by {step:.4g} from sample to sample, too slow for seconds"
-        cure = "convert it to seconds, or set rate_hz in recording.toml"
-        return recording, (RecordingFault(recording.name, "unit", ("t_s",), what, cure, mended=False),)
-    return recording, ()
-
-
 def _swapped(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Refuse channels that look exchanged without any model: which of the two is wrong, nobody can tell."""
     try:
@@ -117,6 +88,7 @@ Step = Callable[[Recording, Specimen], tuple[Recording, tuple[RecordingFault, ..
 STEPS: tuple[Step, ...] = (
     mend_time,
     mend_unrecorded,
+    mend_placeholders,
     mend_units,
     mend_lost,
     mend_still,
@@ -145,10 +117,11 @@ def take_in(recording: Recording, specimen: Specimen) -> Intake:
         intake = intake.with_recording(mended, faults)
     beyond, limits = over_limit(intake.recording, specimen)
     frozen, unrecorded = frozen_pressures(intake.recording, specimen)
-    intake = intake.with_recording(intake.recording, (*limits, *unrecorded))
+    unread, lost = unread_pressures(intake.recording)
+    intake = intake.with_recording(intake.recording, (*limits, *unrecorded, *lost))
     if intake.refusals:
         return intake
-    stretches = (*beyond, *frozen)
+    stretches = (*beyond, *frozen, *unread)
     driven = without_pressures(intake.recording, stuck_pressures(intake.recording), by_set_points=True)
     events = find_events(without_motion(driven, stretches), specimen)
     return Intake(

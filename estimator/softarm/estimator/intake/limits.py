@@ -40,7 +40,10 @@ def over_limit(
     stretches = _stretches(recording, above)
     what = f"{'; '.join(words)} for {above.mean():.0%} of the time"
     if above.mean() > MOST:
-        cure = "raise pressure_limit_pa in the specimen if the arm withstands it, or give another specimen"
+        cure = (
+            "check the unit and the zero of these pressures: gauge pressures in Pa are expected; raise "
+            "pressure_limit_pa in the specimen only if it is known that the arm withstands them"
+        )
         return stretches, (RecordingFault(recording.name, "limit", ("pressures",), what, cure, mended=False),)
     listed = ", ".join(f"{begin:.1f} to {end:.1f} s" for begin, end in stretches[:5])
     more = f" and {len(stretches) - 5} more" if len(stretches) > 5 else ""

@@ -1,4 +1,4 @@
-"""Readings that are none: zeros in the place of a lost body, and samples far off both their neighbours."""
+"""Readings that are none: numbers in the place of a lost body, and samples far off both their neighbours."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.intake.limits import OVERSHOOT
 from softarm.estimator.intake.result import MOTION, RecordingFault
 from softarm.estimator.intake.streams import SampledStream, streams_of
-from softarm.estimator.recording import Recording
+from softarm.estimator.recording import BEND_SUFFIXES, MARKER_SUFFIXES, POSE_SUFFIXES, Recording
 from softarm.estimator.series import runs
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.statistics import MAD_TO_STD
@@ -21,6 +21,14 @@ NOISE = 12.0
 """Excursions below so many robust deviations of the second differences are noise or motion."""
 SLOWEST = 0.03
 """In recordings with longer steps [s] the arm itself may swing there and back within two samples."""
+FARTHEST = 50.0
+"""No body is seen farther from the origin of the laboratory [m]: no motion-capture volume is larger."""
+OUTSIDE = 5.0
+"""Times the travel of a body by which a number that stands for a lost body lies off its usual place."""
+UNIT = 0.02
+"""By which the norm of a quaternion may differ from one."""
+LARGEST_BEND = 720.0
+"""Bends beyond this are none, not even in degrees."""
 BACK = 0.3
 """Share of an excursion by which the samples before and after may differ."""
 
@@ -38,9 +46,11 @@ def mend_lost(recording: Recording, specimen: Specimen) -> tuple[Recording, tupl
         zeros = _zeros(recording, stream)
         readings = np.where(zeros[:, None], np.nan, stream.values)
         spikes = _spikes(readings, stream.units) if fast else np.zeros(len(zeros), dtype=bool)
+        beyond = _beyond(readings, stream)
         for name in stream.columns:
-            columns[name] = np.where(zeros | spikes, np.nan, columns[name])
-        counts = {"zeros": int(zeros.sum()), "spikes": int(spikes.sum())}
+            columns[name] = np.where(zeros | spikes | beyond, np.nan, columns[name])
+        far = f"readings beyond {FARTHEST:.0f} m"
+        counts = {"zeros": int(zeros.sum()), "spikes": int((spikes & ~beyond).sum()), far: int(beyond.sum())}
         words |= {stream.name: " and ".join(f"{n} {what}" for what, n in counts.items() if n)}
     for chamber in recording.chambers:
         name = f"pressure_{chamber}_pa"
@@ -79,6 +89,70 @@ def mend_unrecorded(recording: Recording, specimen: Specimen) -> tuple[Recording
     )
     cure = f"if {'they were' if many else 'it was'} not, add {', '.join(columns)} [Pa, gauge]"
     return recording, (RecordingFault(recording.name, "lost", columns, what, cure),)
+
+
+def mend_placeholders(
+    recording: Recording,
+    specimen: Specimen,  # noqa: ARG001
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Count as lost the numbers that stand for lost bodies, such as -9999, whatever the unit.
+
+    A body that is seen does not read one number on all axes, nor a quaternion of four equal ones that is not
+    of unit length.
+    """
+    columns, words = dict(recording.columns), []
+    bodies = [("frame", name, recording.pose(name)) for name in recording.frames]
+    bodies += [("marker", name, recording.marker(name)) for name in recording.markers]
+    bodies += [("bend", name, recording.bend(name)) for name in recording.bends]
+    for kind, name, values in bodies:
+        lost = _placeholders(values, kind)
+        if not lost.any():
+            continue
+        numbers = np.unique(values[lost][:, 0])
+        listed = ", ".join(f"{number:.6g}" for number in numbers[:3])
+        words.append(f"{kind}_{name} {int(lost.sum())} times {listed}{' ...' if len(numbers) > 3 else ''}")
+        suffixes = {"frame": POSE_SUFFIXES, "marker": MARKER_SUFFIXES, "bend": BEND_SUFFIXES}[kind]
+        for column in (f"{kind}_{name}_{suffix}" for suffix in suffixes):
+            columns[column] = np.where(lost, np.nan, columns[column])
+    if not words:
+        return recording, ()
+    bad = tuple(word.split()[0] for word in words)
+    what = f"one number on all axes stands for lost bodies: {', '.join(words)}"
+    found = RecordingFault(recording.name, "lost", bad, what, "counted as lost")
+    return replace(recording, columns=columns), (found,)
+
+
+def _placeholders(values: Floats, kind: str) -> Flags:
+    """Find samples of one number on all axes that is no place of a body, shape (samples,).
+
+    Args:
+        values: As recorded, shape (samples, 2, 3 or 7).
+        kind: Of the body.
+    """
+    places, turns = values[:, :3], values[:, 3:]
+    alike = np.asarray((places == places[:, :1]).all(axis=1) & (places[:, 0] != 0.0))
+    if kind == "bend":
+        return np.asarray(alike & (np.abs(places[:, 0]) > LARGEST_BEND))
+    none = np.zeros(len(values), dtype=bool)
+    if kind == "frame":
+        norms = np.linalg.norm(turns, axis=1)
+        none = np.asarray((turns == turns[:, :1]).all(axis=1) & (norms > 0.0) & (np.abs(norms - 1.0) > UNIT))
+    seen = np.isfinite(places).all(axis=1) & ~alike & ~none
+    if seen.sum() <= alike.sum():
+        return none
+    usual = np.median(places[seen], axis=0)
+    travel = float(np.linalg.norm(np.ptp(np.percentile(places[seen], (5.0, 95.0), axis=0), axis=0)))
+    away = np.linalg.norm(places - usual, axis=1)
+    return np.asarray(none | (alike & (away > OUTSIDE * travel)))
+
+
+def _beyond(values: Floats, stream: SampledStream) -> Flags:
+    """Find the positions farther away than any body is seen, where most are nearer, shape (samples,)."""
+    if stream.kind == "bend":
+        return np.zeros(len(values), dtype=bool)
+    far = np.asarray((np.abs(values[:, :3]) > FARTHEST).any(axis=1))
+    seen = np.isfinite(values[:, :3]).all(axis=1)
+    return far if 2 * far.sum() < seen.sum() else np.zeros_like(far)
 
 
 def without_zeros(recording: Recording) -> Recording:

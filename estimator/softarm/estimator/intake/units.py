@@ -1,4 +1,4 @@
-"""Units of pressures, angles and lengths, and gauge against absolute pressure, by what the specimen can be.
+"""Units of pressures and angles, and gauge against absolute pressure, by what the specimen can be.
 
 | quantity | what is known beforehand |
 |---|---|
@@ -6,7 +6,6 @@
 | lowest pressure | a gauge pressure comes down to about 0 at some time, an absolute one to that of the air |
 | bend at the limit | log-normal about 0.8 rad, a factor of 2.7: it bends visibly, not around itself |
 | measured over commanded pressure | 1 within 15 % |
-| size of the arm | that of the specimen |
 """
 
 from collections.abc import Mapping
@@ -17,11 +16,11 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.clocks import mend_clocks
-from softarm.estimator.intake.hypotheses import BestExplanation, Explanation, choose
+from softarm.estimator.intake.hypotheses import Explanation, choose
+from softarm.estimator.intake.lengths import mend_lengths
 from softarm.estimator.intake.lost import without_zeros
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import Recording
-from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.statistics import MAD_TO_STD
 
@@ -34,13 +33,21 @@ PRESSURES = {
     "megapascals": (1e6, -6.0),
 }
 """Factor to pascals and logarithm of the prior over that of pascals."""
-ANGLES = {"radians": (1.0, 0.0), "degrees": (np.pi / 180.0, -3.0)}
-LENGTHS = {
-    "metres": (1.0, 0.0),
-    "millimetres": (1e-3, -3.0),
-    "centimetres": (1e-2, -4.0),
-    "inches": (0.0254, -6.0),
+STATED = {
+    "Pa": "pascals",
+    "kPa": "kilopascals",
+    "MPa": "megapascals",
+    "mbar": "millibars",
+    "hPa": "millibars",
+    "bar": "bars",
+    "psi": "pounds per square inch",
 }
+"""Units that ``pressure_unit`` may state."""
+BEYOND_LIMIT = 10.0
+"""Times the limit that no pressure reaches: no chamber bears it, so a unit that says so is another."""
+TURN = 2.0 * np.pi
+"""Bend [rad] that no section reaches: it would lie around itself."""
+ANGLES = {"radians": (1.0, 0.0), "degrees": (np.pi / 180.0, -3.0)}
 USUAL_PRESSURE, BELOW, ABOVE = 0.6, 1.0, 0.4
 """Usual largest pressure over the limit, and its spread (logarithm) below and above."""
 USUAL_BEND, BEND_SPREAD = 0.8, 1.0
@@ -59,8 +66,9 @@ ALIKE = 0.05
 the few percent by which valves err."""
 SAME_AIR = 2e3
 """Vented chambers read the same air within this [Pa]."""
+RESTS = 20
+"""Readings of vented chambers that show the pressure of the air."""
 FOLLOWS = 0.15
-SIZE_SPREAD = 0.25
 ANY_PRESSURE = 1e4
 """Change [Pa] to which all pressures are brought where only their course in time counts."""
 STRAYED = 30.0
@@ -100,12 +108,18 @@ def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
     Returns:
         The recording, mended where one explanation wins, and what was found.
     """
-    mended, lengths = _lengths(recording, specimen)
-    if _declared_pascals(recording):
-        return mended, lengths
+    mended, lengths = mend_lengths(recording, specimen)
+    stated, contradictions = _stated(mended, specimen)
+    if contradictions:
+        return mended, (*lengths, *contradictions)
     aligned = _aligned(mended, specimen)
-    mended, strays = _single_chambers(mended, aligned, specimen)
-    mended, found = _pressures_and_bends(mended, aligned, specimen)
+    strays: tuple[RecordingFault, ...] = ()
+    if stated is None:
+        mended, strays = _single_chambers(mended, aligned, specimen)
+    mended, found = _pressures_and_bends(mended, aligned, specimen, stated)
+    if all(one.mended for one in found):
+        mended, absolute = _single_absolute(mended, specimen)
+        found = (*found, *absolute)
     return mended, (*lengths, *strays, *found)
 
 
@@ -115,19 +129,44 @@ def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
     return tuple(name for name in names if name in recording.columns)
 
 
+def _stated(recording: Recording, specimen: Specimen) -> tuple[str | None, tuple[RecordingFault, ...]]:
+    """Read the unit that ``pressure_unit`` states, ``None`` without one; refuse one that cannot be."""
+    stated = recording.info.get("pressure_unit")
+    if stated is None or not recording.chambers:
+        return None, ()
+    names = {name.lower(): unit for name, unit in STATED.items()}
+    unit = names.get(str(stated).strip().lower())
+    listed = ", ".join(STATED)
+    if unit is None:
+        what = f"pressure_unit is {stated!r} in recording.toml, which is none of {listed}"
+        cure = "convert the pressures to Pa, or state one of these"
+        return None, (RecordingFault(recording.name, "unit", ("pressures",), what, cure, mended=False),)
+    limit = max(specimen.pressure_limits, default=np.inf)
+    for kind in ("measured", "commanded"):
+        sizes = _sizes(recording, kind)
+        top = sizes[1] * PRESSURES[unit][0] if sizes is not None else 0.0
+        if unit != "pascals" and top > BEYOND_LIMIT * limit:
+            what = (
+                f"pressure_unit is {stated!r} in recording.toml, in which the {kind} pressures would reach "
+                f"{top / 1e3:.4g} kPa, {top / limit:.0f} times the limit of {limit / 1e3:.0f}"
+            )
+            cure = "correct pressure_unit, or the columns"
+            columns = pressure_columns(recording, kind)
+            return unit, (RecordingFault(recording.name, "unit", columns, what, cure, mended=False),)
+    return unit, ()
+
+
 def _pressures_and_bends(
-    recording: Recording, aligned: Recording, specimen: Specimen
+    recording: Recording, aligned: Recording, specimen: Specimen, stated: str | None
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    if not specimen.pressure_limits or not recording.chambers:
-        return recording, ()
-    choice = choose(_explanations(recording, aligned, specimen))
+    choice = choose(_explanations(recording, aligned, specimen, stated))
     found = choice.best.what
     if found == Units():
         return recording, ()
     columns, words = _named(recording, found)
     if not choice.unambiguous:
         other = "; ".join(_named(recording, choice.second.what)[1]) or "pascals and radians as named"
-        cure = f"convert the columns, or set pressure_unit = 'Pa' (odds only {choice.odds:.0f})"
+        cure = f"convert the columns, or set pressure_unit (odds only {choice.odds:.0f})"
         return recording, (
             RecordingFault(
                 recording.name, "unit", columns, f"{'; '.join(words)}, or {other}", cure, False, choice.odds
@@ -142,6 +181,8 @@ def _pressures_and_bends(
         return recording, (RecordingFault(recording.name, "offset", columns, what, cure, False, choice.odds),)
     known = {kind: air for kind, air in offsets.items() if air is not None}
     mended = _converted(recording, found, known)
+    if stated:
+        mended = replace(mended, info={**mended.info, "pressure_unit": "Pa"})
     kind: Kind = "offset" if known else "unit"
     airs = " and ".join(f"{air:.0f}" for air in known.values())
     done = f"counted as {airs} Pa above vacuum at rest and converted" if known else "converted for this run"
@@ -239,20 +280,30 @@ def _aligned(recording: Recording, specimen: Specimen) -> Recording:
     return replace(mended, columns={**mended.columns, **back})
 
 
-def _declared_pascals(recording: Recording) -> bool:
-    return str(recording.info.get("pressure_unit", "")).lower() == "pa"
+def _around_itself(recording: Recording) -> bool:
+    """Return whether bends are larger than any in radians."""
+    bends = [np.linalg.norm(recording.bend(section), axis=1) for section in recording.bends]
+    return any(
+        np.percentile(bend[np.isfinite(bend)], 99.5) > TURN for bend in bends if np.isfinite(bend).any()
+    )
 
 
-def _explanations(recording: Recording, aligned: Recording, specimen: Specimen) -> list[Explanation[Units]]:
-    limit = max(specimen.pressure_limits)
-    sizes = {kind: _sizes(recording, kind) for kind in ("measured", "commanded")}
-    slope = _bend_per_pressure(aligned, specimen)
+def _explanations(
+    recording: Recording, aligned: Recording, specimen: Specimen, stated: str | None
+) -> list[Explanation[Units]]:
+    limit = max(specimen.pressure_limits, default=0.0)
+    sizes = {kind: _sizes(recording, kind) if limit else None for kind in ("measured", "commanded")}
+    slope = _bend_per_pressure(aligned, specimen) if limit and recording.chambers else None
     ratio = _measured_over_commanded(recording)
     options = {
-        kind: tuple(PRESSURES) if sizes[kind] is not None else ("pascals",)
+        kind: (stated if stated and pressure_columns(recording, kind) else "pascals",)
+        if stated or sizes[kind] is None
+        else tuple(PRESSURES)
         for kind in ("measured", "commanded")
     }
     angles = tuple(ANGLES) if slope is not None and recording.bends else ("radians",)
+    if _around_itself(recording):
+        angles = ("degrees",)
     absolute, absolute_commands = (
         (False, True) if sizes[kind] is not None else (False,) for kind in ("measured", "commanded")
     )
@@ -268,8 +319,11 @@ def _explanations(recording: Recording, aligned: Recording, specimen: Specimen) 
         if sizes["commanded"] is not None:
             value += _pressure_likelihood(*sizes["commanded"], PRESSURES[commanded][0], limit, above_too)
         if slope is not None:
-            factor = PRESSURES[measured if sizes["measured"] is not None else commanded][0]
-            bend = slope * ANGLES[angle][0] / factor * limit
+            kind, unit = ("measured", measured) if sizes["measured"] is not None else ("commanded", commanded)
+            factor, largest = PRESSURES[unit][0], sizes[kind]
+            # What is stated to stay far below the limit bends no arm as far as the limit would.
+            reached = min(limit, largest[1] * factor) if stated and largest is not None else limit
+            bend = slope * ANGLES[angle][0] / factor * reached
             value -= 0.5 * (np.log(max(bend, 1e-12) / USUAL_BEND) / BEND_SPREAD) ** 2
         if ratio is not None:
             off = np.log(ratio * PRESSURES[measured][0] / PRESSURES[commanded][0]) / FOLLOWS
@@ -376,6 +430,54 @@ def _air(recording: Recording, units: Units, kind: str) -> float | None:
     return float(np.mean(alike)) if len(alike) >= min(2, len(lows)) else None
 
 
+def _single_absolute(
+    recording: Recording, specimen: Specimen
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Bring single absolute pressures [Pa] beside gauge pressures to gauge pressures.
+
+    The lowest reading of such a sensor is near the pressure of the air, above the limit of its chamber. It is
+    that of the air where the sensor rests at it while the chamber's other column is at zero, or, without one,
+    while all other chambers are.
+    """
+    columns, found = dict(recording.columns), []
+    lows = {name: _lowest(recording.columns[name]) for name in _all_pressures(recording)}
+    strays = [name for name, low in lows.items() if AIR[0] < low < AIR[1] and low > _limit(name, specimen)]
+    for name in strays:
+        values, low, other = recording.columns[name], lows[name], _other_column(name)
+        others = [other] if other in lows else [n for n in lows if ("cmd" in n) == ("cmd" in name)]
+        zero = [np.abs(recording.columns[n]) < SAME_AIR for n in others if n not in strays]
+        vented = np.isfinite(values) & np.all(zero, axis=0) if zero else np.zeros(len(values), dtype=bool)
+        air = float(np.median(values[vented])) if vented.sum() >= RESTS else np.inf
+        known = air - low < SAME_AIR
+        what = (
+            f"{name} never comes below {low / 1e3:.1f} kPa, near the pressure of the air and above the "
+            f"limit of {_limit(name, specimen) / 1e3:.0f}: it is absolute"
+        )
+        cure = (
+            f"{air:.0f} Pa, its reading at rest, were subtracted for this run"
+            if known
+            else "subtract the pressure of the air from it, or record a stretch with all chambers vented"
+        )
+        columns[name] = values - air if known else values
+        found.append(RecordingFault(recording.name, "offset", (name,), what, cure, known))
+    return replace(recording, columns=columns), tuple(found)
+
+
+def _all_pressures(recording: Recording) -> tuple[str, ...]:
+    return tuple(n for kind in ("measured", "commanded") for n in pressure_columns(recording, kind))
+
+
+def _lowest(values: Floats) -> float:
+    """Return the lowest reading but for noise; that of a column without any is zero."""
+    read = values[np.isfinite(values)]
+    return float(np.percentile(read, 1.0)) if len(read) else 0.0
+
+
+def _limit(name: str, specimen: Specimen) -> float:
+    """Return the limit of the chamber of a column [Pa]."""
+    return specimen.pressure_limits[int(name.split("_")[-2])]
+
+
 def _named(recording: Recording, units: Units) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Name the columns at fault and say how they differ."""
     columns: list[str] = []
@@ -410,79 +512,3 @@ def _converted(recording: Recording, units: Units, offsets: Mapping[str, float])
                 columns[f"bend_{section}_{axis}_rad"] * ANGLES[units.angle][0]
             )
     return replace(recording, columns=columns)
-
-
-def _lengths(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Bring positions to metres: markers and frames each have a size that the specimen knows."""
-    mended, found = recording, []
-    for kind, sizes in (
-        ("frame", _frame_sizes(recording, specimen)),
-        ("marker", _marker_sizes(recording, specimen)),
-    ):
-        if sizes is None:
-            continue
-        size, expected, spread = sizes
-        choice: BestExplanation[str] = choose(
-            [
-                Explanation(unit, prior - 0.5 * (np.log(max(size * factor, 1e-12) / expected) / spread) ** 2)
-                for unit, (factor, prior) in LENGTHS.items()
-            ]
-        )
-        unit = choice.best.what
-        if unit == "metres":
-            continue
-        names = tuple(
-            n for n in recording.columns if n.startswith(f"{kind}_") and n.endswith(("_x_m", "_y_m", "_z_m"))
-        )
-        what = f"the {kind}s lie {size:.4g} apart, the specimen's {expected:.4g} m: they are in {unit}"
-        if not choice.unambiguous:
-            cure = f"convert them to metres (odds only {choice.odds:.0f} against {choice.second.what})"
-            found.append(RecordingFault(recording.name, "unit", names, what, cure, False, choice.odds))
-            continue
-        factor = LENGTHS[unit][0]
-        scaled = {name: v * factor if name in names else v for name, v in mended.columns.items()}
-        mended = replace(mended, columns=scaled)
-        found.append(
-            RecordingFault(recording.name, "unit", names, what, "converted for this run", True, choice.odds)
-        )
-    return mended, tuple(found)
-
-
-def _frame_sizes(recording: Recording, specimen: Specimen) -> tuple[float, float, float] | None:
-    known = {s.name: np.array(s.frame_origin_m) for s in specimen.sections}
-    names = [name for name in recording.frames if name in known]
-    places = {name: _usual(recording.pose(name)[:, :3]) for name in names}
-    names = [name for name in names if np.isfinite(places[name]).all()]
-    if len(names) >= 2:
-        spread = _apart([places[name] for name in names])
-        return spread, _apart([known[name] for name in names]), SIZE_SPREAD
-    if len(names) == 1:
-        ways = np.nanpercentile(recording.pose(names[0])[:, :3], [5.0, 95.0], axis=0)
-        travel = float(np.linalg.norm(np.ptp(ways, axis=0)))
-        return (travel, 0.4 * specimen.length_m, 1.2) if travel > 0.0 else None
-    return None
-
-
-def _marker_sizes(recording: Recording, specimen: Specimen) -> tuple[float, float, float] | None:
-    known = [marker for marker in specimen.markers if marker.name in recording.markers]
-    places = {marker.name: _usual(recording.marker(marker.name)) for marker in known}
-    known = [marker for marker in known if np.isfinite(places[marker.name]).all()]
-    if len(known) < 2:
-        return None
-    rest = []
-    for marker in known:
-        section = specimen.section(marker.section)
-        turn = from_quaternions(np.array(section.frame_quaternion))
-        rest.append(np.array(section.frame_origin_m) + turn @ np.array(marker.offset_m))
-    return _apart([places[marker.name] for marker in known]), _apart(rest), SIZE_SPREAD
-
-
-def _usual(places: Floats) -> Floats:
-    seen = places[np.isfinite(places).all(axis=1)]
-    return np.median(seen, axis=0) if len(seen) else np.full(3, np.nan)
-
-
-def _apart(places: list[Floats]) -> float:
-    """Compute the rms distance of places from their mean."""
-    points = np.array(places)
-    return float(np.sqrt(((points - points.mean(axis=0)) ** 2).sum(axis=1).mean()))

@@ -6,10 +6,11 @@ from dataclasses import replace
 import numpy as np
 
 from softarm.analysis.offline.inputs import taken_in
-from softarm.estimator.diagnosis.admit import usable
+from softarm.estimator.diagnosis.admit import motion_left, usable
 from softarm.estimator.diagnosis.events import EventErrors, errors_of
 from softarm.estimator.diagnosis.result import Diagnosis, Evidence, Finding, Quantity
 from softarm.estimator.effects.amounts import Amount
+from softarm.estimator.errors import InputError
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
 from softarm.estimator.intake.result import NO_MISMATCH
 from softarm.estimator.intake.still import WINDOW
@@ -46,13 +47,28 @@ def take_all_in(
     """
     notes: list[str] = []
     questioned, known = (
-        usable(group, lambda recording: taken_in(recording, specimen, notes.append), notes, notify)
+        usable(group, lambda recording: _required(taken_in(recording, specimen, notes.append)), notes, notify)
         for group in (suspects, nominal)
     )
     for one in (fault for intake in (*questioned, *known) for fault in intake.mismatches):
         if one.kind in NO_MISMATCH:
             notify(one.statement)
     return tuple(i.for_fits for i in questioned), tuple(i.for_fits for i in known), questioned, tuple(notes)
+
+
+def _required(intake: Intake) -> Intake:
+    """Refuse a recording of whose motion no fit may see anything, with what was found in it."""
+    if not intake.excluded or motion_left(intake.for_fits):
+        return intake
+    found = [one.what for one in intake.mismatches]
+    found += [
+        f"an event from {event.interval[0]:.1f} to {event.interval[1]:.1f} s" for event in intake.events
+    ]
+    raise InputError(
+        intake.recording.name,
+        f"no reading of the motion is left that a fit may see: {'; '.join(found)}",
+        "record the motion together with its pressures, below their limits, with the sensors in view",
+    )
 
 
 def with_intakes(
