@@ -56,13 +56,21 @@ MENDED = {
     "markers of two bodies": (arm.exchanged("marker_tip0", "marker_base1"), "base1 and tip0 are exchanged"),
     "mirrored markers": (
         arm.scaled("marker_", "_y_m", -1.0),
-        "mirrored: only so do the sections lie and point as they do in the specimen",
+        "the y axis of the markers, and not of the frames, is mirrored: only so do the sections lie",
     ),
     "frames": (arm.exchanged("frame_intermediate", "frame_tip"), "intermediate and tip are exchanged"),
     "bends": (arm.exchanged("bend_intermediate", "bend_tip"), "bends of intermediate and tip are exchanged"),
     "mirrored frames": (
         arm.scaled("frame_", "_y_m", -1.0),
-        "y axis of the laboratory's positions is mirrored",
+        "y axis of the laboratory's positions is mirrored, and that of the markers is not",
+    ),
+    "mirrored positions": (
+        arm.scaled("", "_y_m", -1.0),
+        "y axis of the laboratory's positions is mirrored: positions follow",
+    ),
+    "mirrored heights": (
+        arm.scaled("", "_z_m", -1.0),
+        "z axis of the laboratory's positions is mirrored: positions follow",
     ),
 }
 REFUSED = {
@@ -123,8 +131,8 @@ def test_a_fault_is_named_and_mended(good: Recording, name: str) -> None:
     intake = take_in(fault(good), SPECIMEN)
     assert not intake.refusals
     _require(intake.sentences, words)
-    if name != "mirrored markers":  # which axis was mirrored does not matter: the base registers the rest
-        _require_alike(intake.recording, good)
+    _require_alike(intake.recording, good)
+    assert sum("mirrored" in sentence for sentence in intake.sentences) == ("mirrored" in name)
 
 
 @pytest.mark.usefixtures("without_events")
@@ -341,19 +349,35 @@ def _require(sentences: tuple[str, ...], words: str) -> None:
 
 
 def _require_alike(mended: Recording, good: Recording) -> None:
-    """Motion and the pressures that caused it agree again with those of the good recording."""
-    for name in ("bend_tip_x_rad", "frame_tip_z_m", "marker_tip0_x_m"):
-        one, other = (_relation(recording, name) for recording in (mended, good))
-        np.testing.assert_allclose(one, other, atol=0.06 * np.abs(other).max())
+    """Motion in the base frame, and the pressures that caused it, agree again with those of the good one."""
+    names = (
+        "bend_tip_x_rad",
+        *(f"{body}_{axis}_m" for body in ("frame_tip", "marker_tip0") for axis in "xyz"),
+    )
+    pairs = [[_relation(recording, name) for recording in (mended, good)] for name in names]
+    largest = max(np.abs(other).max() for _, other in pairs)
+    for one, other in pairs:
+        np.testing.assert_allclose(one, other, atol=0.06 * largest)
 
 
 def _relation(recording: Recording, name: str) -> np.ndarray:
     """Regress a reading on the pressures: what a calibration would take from the recording."""
     columns = [recording.columns[f"pressure_{k}_pa"] for k in range(6)]
     design = np.column_stack([*columns, np.full(len(recording.time), 1e5)])
-    values = recording.columns[name]
+    values = _in_base(recording, name)
     seen = np.isfinite(values) & np.isfinite(design).all(axis=1)
     return np.linalg.lstsq(design[seen], values[seen], rcond=None)[0]
+
+
+def _in_base(recording: Recording, name: str) -> np.ndarray:
+    """Bring a column of positions to the base frame, as the recording's own base registers it."""
+    kind, _, rest = name.partition("_")
+    if kind == "bend":
+        return recording.columns[name]
+    body, axis, _ = rest.rsplit("_", 2)
+    places = recording.pose(body)[:, :3] if kind == "frame" else recording.marker(body)
+    registration = arrange(recording, SPECIMEN, ("base", "intermediate", "tip")).registration
+    return registration.to_base(places)[:, "xyz".index(axis)]
 
 
 def test_the_scatter_of_vented_valves_is_no_pressure_in_another_unit() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.hypotheses import Explanation, choose
+from softarm.estimator.intake.mirrors import AXES, clearly_least, marker_distance, mirror_markers
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions, log, nearest_rotation
@@ -114,12 +115,13 @@ def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
         return recording, ()
     before = _worst(points, sensible.labels, False)
     return _renamed(
-        recording, markers, best, choice.unambiguous, choice.odds, choice.second.what, before, worst
+        recording, specimen, markers, best, choice.unambiguous, choice.odds, choice.second.what, before, worst
     )
 
 
 def _renamed(
     recording: Recording,
+    specimen: Specimen,
     markers: MarkerLayout,
     best: Labelling,
     unambiguous: bool,
@@ -134,26 +136,47 @@ def _renamed(
         what = f"{describe(markers, best)}, or {describe(markers, second)}"
         cure = f"correct the names or the axes of the export (odds only {odds:.0f})"
         return recording, (RecordingFault(recording.name, kind, names, what, cure, False, odds),)
+    mended, where = _applied(recording, specimen, markers, best)
+    if where is None:
+        what = f"{describe(markers, best)}, and under no axis are the markers in the laboratory of the frames"
+        cure = "export frames and markers in one right-handed laboratory"
+        return recording, (RecordingFault(recording.name, "frame", names, what, cure, False, odds),)
+    if before > after + 1e-4:
+        fits = f"the markers fit their sections to {1e3 * after:.1f} instead of {1e3 * before:.1f} mm"
+    else:  # markers in one plane fit their section either way
+        fits = "only so do the sections lie and point as they do in the specimen"
+    what = f"{describe(markers, best, where)}: {fits}"
+    mismatch = RecordingFault(recording.name, kind, names, what, "mended for this run", True, odds)
+    return mended, (mismatch,)
+
+
+def _applied(
+    recording: Recording, specimen: Specimen, markers: MarkerLayout, best: Labelling
+) -> tuple[Recording, str | None]:
+    """Mend names and the mirrored axis; which one it is, in words, or ``None`` where frames contradict all.
+
+    Without frames any axis will do, since the base's markers register the rest.
+    """
     columns = dict(recording.columns)
     for k, label in enumerate(best.labels):
         for suffix in MARKER_SUFFIXES:
             columns[f"marker_{markers.names[k]}_{suffix}"] = recording.columns[
                 f"marker_{markers.names[label]}_{suffix}"
             ]
-    if best.mirrored:
-        for name in recording.markers:
-            columns[f"marker_{name}_x_m"] = -columns[f"marker_{name}_x_m"]
-    if before > after + 1e-4:
-        fits = f"the markers fit their sections to {1e3 * after:.1f} instead of {1e3 * before:.1f} mm"
-    else:  # markers in one plane fit their section either way
-        fits = "only so do the sections lie and point as they do in the specimen"
-    what = f"{describe(markers, best)}: {fits}"
-    mismatch = RecordingFault(recording.name, kind, names, what, "mended for this run", True, odds)
-    return replace(recording, columns=columns), (mismatch,)
+    mended = replace(recording, columns=columns)
+    if not best.mirrored:
+        return mended, ""
+    if not any(np.isfinite(recording.pose(section)).any() for section in recording.frames):
+        return mirror_markers(mended, 0), "one axis of the laboratory frame"
+    tried = [mirror_markers(mended, axis) for axis in range(3)]
+    axis = clearly_least(np.array([marker_distance(one, specimen) for one in tried]))
+    if axis is None:
+        return recording, None
+    return tried[axis], f"the {AXES[axis]} axis of the markers, and not of the frames,"
 
 
-def describe(markers: MarkerLayout, labelling: Labelling) -> str:
-    """Describe which markers bear whose name."""
+def describe(markers: MarkerLayout, labelling: Labelling, where: str | None = None) -> str:
+    """Describe which markers bear whose name, and which axis is mirrored."""
     pairs = [
         f"{markers.names[label]} is named {markers.names[k]}"
         for k, label in enumerate(labelling.labels)
@@ -165,7 +188,7 @@ def describe(markers: MarkerLayout, labelling: Labelling) -> str:
     elif pairs:
         pairs = ["markers are permuted (" + ", ".join(pairs) + ")"]
     if labelling.mirrored:
-        pairs.append("one axis of the laboratory frame is mirrored")
+        pairs.append(f"{where or 'one axis of the laboratory frame'} is mirrored")
     return " and ".join(pairs) or "the markers as they are named"
 
 

@@ -14,6 +14,13 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.hypotheses import Explanation, choose
+from softarm.estimator.intake.mirrors import (
+    AXES,
+    clearly_least,
+    marker_distance,
+    mirror_frames,
+    mirror_markers,
+)
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions
@@ -31,7 +38,6 @@ WRONG_BEND = np.radians(2.0)
 ALIKE = 0.3
 """Share of that difference that an exchange may leave."""
 SAMPLES = 60
-AXES = "xyz"
 MISFIT = 3.0
 """Chords that the best explanation misses by so many deviations are no arm of this specimen."""
 
@@ -80,12 +86,18 @@ def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, 
         what = f"{words}, or {_describe(names, choice.second.what)}"
         cure = f"correct the export (odds only {choice.odds:.0f})"
         return recording, (RecordingFault(recording.name, "frame", columns, what, cure, False, choice.odds),)
+    mended, follow = _mended(recording, specimen, names, best)
+    if follow is None:
+        what = f"{words}, and the markers fit the frames neither with that axis mirrored nor without"
+        cure = "export frames and markers in one right-handed laboratory"
+        return recording, (RecordingFault(recording.name, "frame", columns, what, cure, False, choice.odds),)
     before = _distance(poses, turns, heights, tried[0].what)
-    what = f"{words}: positions follow from orientations to {1e3 * off:.0f} instead of {1e3 * before:.0f} mm"
+    fits = f"positions follow from orientations to {1e3 * off:.0f} instead of {1e3 * before:.0f} mm"
+    what = f"{words}{follow}: {fits}"
     mismatch = RecordingFault(
         recording.name, "frame", columns, what, "mended for this run", True, choice.odds
     )
-    return _mended(recording, names, best), (mismatch,)
+    return mended, (mismatch,)
 
 
 def mend_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
@@ -194,14 +206,23 @@ def _describe(names: Sequence[str], setup: SensorChannels) -> str:
     return " and ".join(words) or "the frames as they are named"
 
 
-def _mended(recording: Recording, names: Sequence[str], setup: SensorChannels) -> Recording:
+def _mended(
+    recording: Recording, specimen: Specimen, names: Sequence[str], setup: SensorChannels
+) -> tuple[Recording, str | None]:
+    """Mend the frames, and the markers where they share the mirrored axis; words on the markers, if known."""
     columns = dict(recording.columns)
     for k, label in enumerate(setup.labels):
         for suffix in POSE_SUFFIXES:
             columns[f"frame_{names[k]}_{suffix}"] = recording.columns[f"frame_{names[label]}_{suffix}"]
-    if setup.mirrored is not None:
-        letter = AXES[setup.mirrored]
-        for name in columns:
-            if name.startswith(("frame_", "marker_")) and name.endswith(f"_{letter}_m"):
-                columns[name] = -columns[name]
-    return replace(recording, columns=columns)
+    mended = replace(recording, columns=columns)
+    if setup.mirrored is None:
+        return mended, ""
+    alone = mirror_frames(mended, setup.mirrored)
+    together = mirror_markers(alone, setup.mirrored)
+    distances = np.array([marker_distance(one, specimen) for one in (alone, together)])
+    if np.isnan(distances).all():
+        return together, ""
+    best = clearly_least(distances)
+    if best is None:
+        return recording, None
+    return (together, "") if best else (alone, ", and that of the markers is not")
