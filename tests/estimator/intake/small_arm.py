@@ -179,6 +179,38 @@ def rotated(rotation: tuple[float, float, float]) -> Fault:
     return fault
 
 
+def left_handed(axis: int) -> Fault:
+    """Mirror positions along an axis, and orientations with them: M p and M R M."""
+
+    def fault(recording: Recording) -> Recording:
+        mirror = np.diag([-1.0 if k == axis else 1.0 for k in range(3)])
+        moved = dict(scaled("", f"_{'xyz'[axis]}_m", -1.0)(recording).columns)
+        for name in recording.frames:
+            quaternions = to_quaternions(mirror @ from_quaternions(recording.pose(name)[:, 3:]) @ mirror)
+            moved |= {f"frame_{name}_q{letter}": quaternions[:, k] for k, letter in enumerate("wxyz")}
+        return _with(recording, moved)
+
+    return fault
+
+
+def only(*kinds: str) -> Fault:
+    """Keep the pressures and some kinds of sensors."""
+    return lambda recording: replace(
+        recording, columns={n: v for n, v in recording.columns.items() if n.startswith(("pressure", *kinds))}
+    )
+
+
+def body_turned(section: str, rotation: tuple[float, float, float]) -> Fault:
+    """Define the body of a section by axes that are turned by a rotation vector [rad]."""
+
+    def fault(recording: Recording) -> Recording:
+        turns = from_quaternions(recording.pose(section)[:, 3:]) @ exp(np.array(rotation))
+        named = zip("wxyz", to_quaternions(turns).T, strict=True)
+        return _with(recording, {f"frame_{section}_q{letter}": values for letter, values in named})
+
+    return fault
+
+
 def without_base(recording: Recording) -> Recording:
     """Leave out all that shows the base."""
     kept = {n: v for n, v in recording.columns.items() if not n.startswith(("marker_base", "frame_base"))}

@@ -12,7 +12,13 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.hypotheses import Explanation, choose
-from softarm.estimator.intake.mirrors import AXES, clearly_least, marker_distance, mirror_markers
+from softarm.estimator.intake.mirrors import (
+    AXES,
+    clearly_least,
+    marker_distance,
+    mirror_frames,
+    mirror_markers,
+)
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions, log, nearest_rotation
@@ -168,11 +174,14 @@ def _applied(
         return mended, ""
     if not any(np.isfinite(recording.pose(section)).any() for section in recording.frames):
         return mirror_markers(mended, 0), "one axis of the laboratory frame"
-    tried = [mirror_markers(mended, axis) for axis in range(3)]
-    axis = clearly_least(np.array([marker_distance(one, specimen) for one in tried]))
-    if axis is None:
+    alone = [mirror_markers(mended, axis) for axis in range(3)]
+    tried = [*alone, *(mirror_frames(one, axis, whole=True) for axis, one in enumerate(alone))]
+    found = clearly_least(np.array([marker_distance(one, specimen) for one in tried]))
+    if found is None:
         return recording, None
-    return tried[axis], f"the {AXES[axis]} axis of the markers, and not of the frames,"
+    together, axis = divmod(found, 3)
+    of = "laboratory, in positions and orientations," if together else "markers, and not of the frames,"
+    return tried[found], f"the {AXES[axis]} axis of the {of}"
 
 
 def describe(markers: MarkerLayout, labelling: Labelling, where: str | None = None) -> str:

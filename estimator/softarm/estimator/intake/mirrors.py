@@ -28,10 +28,21 @@ def mirror_markers(recording: Recording, axis: int) -> Recording:
     return _negated(recording, [n for n in recording.columns if n.startswith("marker_") and n.endswith(ends)])
 
 
-def mirror_frames(recording: Recording, axis: int) -> Recording:
-    """Return a recording whose frames' positions are mirrored along one axis; their orientations stay."""
-    ends = f"_{AXES[axis]}_m"
-    return _negated(recording, [n for n in recording.columns if n.startswith("frame_") and n.endswith(ends)])
+def mirror_frames(recording: Recording, axis: int, *, whole: bool = False) -> Recording:
+    """Return a recording whose frames are mirrored along one axis.
+
+    Args:
+        recording: With frames.
+        axis: Number of the axis.
+        whole: Whether orientations R are mirrored too, to M R M with the positions' mirror M; of their
+            quaternions this turns the sign of the components across the axis.
+    """
+    ends = [f"_{AXES[axis]}_m"]
+    if whole:
+        ends += [f"_q{letter}" for letter in AXES if letter != AXES[axis]]
+    return _negated(
+        recording, [n for n in recording.columns if n.startswith("frame_") and n.endswith(tuple(ends))]
+    )
 
 
 def marker_distance(recording: Recording, specimen: Specimen) -> float:

@@ -3,7 +3,9 @@
 Positions must follow from orientations: between two sections an arm of length L runs along the mean of
 their axes,
 p_2 - p_1 = L (R_1 e_z + R_2 e_z) / 2 up to a tenth of L, however it bends. Turning the whole laboratory
-keeps that; the base's frame registers it.
+keeps that; the base's frame registers it. A mirror M of positions alone does not keep it. With the
+orientations M R M it does, up to the sign of all axes where M mirrors z: the same as bodies that are all
+upside down, from which the markers or the pressures distinguish it.
 """
 
 from collections.abc import Sequence
@@ -21,6 +23,7 @@ from softarm.estimator.intake.mirrors import (
     mirror_frames,
     mirror_markers,
 )
+from softarm.estimator.intake.mounts import registered_directions
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions
@@ -41,15 +44,26 @@ SAMPLES = 60
 MISFIT = 3.0
 """Chords that the best explanation misses by so many deviations are no arm of this specimen."""
 
+UPSIDE_DOWN = "the z axes of all bodies point against the arm"
+
 
 @dataclass(frozen=True)
 class SensorChannels:
-    """One explanation: recorded frames of the sections, mirrored axis, the base body's axis to the tip."""
+    """One explanation of the recorded frames.
+
+    Args:
+        labels: Recorded frame of each section.
+        mirrored: Mirrored axis of the positions.
+        axis: Axis of the base's body that points along the arm,
+        sign: and its sign.
+        reversed: Whether the z axes of all bodies point against the arm.
+    """
 
     labels: tuple[int, ...]
     mirrored: int | None = None
     axis: int = 2
     sign: float = 1.0
+    reversed: bool = False
 
 
 def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
@@ -82,6 +96,8 @@ def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, 
         return recording, (
             RecordingFault(recording.name, "frame", columns[:1], words, cure, False, choice.odds),
         )
+    if choice.unambiguous and best.reversed:
+        return _whole_mirror(recording, specimen, columns)
     if not choice.unambiguous:
         what = f"{words}, or {_describe(names, choice.second.what)}"
         cure = f"correct the export (odds only {choice.odds:.0f})"
@@ -140,22 +156,25 @@ def _setups(count: int) -> list[SensorChannels]:
     mirrors: tuple[int | None, ...] = (None, 0, 1, 2)
     plain = [SensorChannels(labels, mirrored) for labels, mirrored in product(orders, mirrors)]
     others = ((0, 1.0), (0, -1.0), (1, 1.0), (1, -1.0), (2, -1.0))
-    return [*plain, *(SensorChannels(orders[0], None, axis, sign) for axis, sign in others)]
+    based = (SensorChannels(orders[0], None, axis, sign) for axis, sign in others)
+    return [*plain, *based, SensorChannels(orders[0], reversed=True)]
 
 
 def _prior(setup: SensorChannels) -> float:
     moved = sum(label != k for k, label in enumerate(setup.labels))
-    turned = setup.axis != 2 or setup.sign < 0.0
+    turned = setup.axis != 2 or setup.sign < 0.0 or setup.reversed
     return EXCHANGED * 0.5 * moved + TURNED * (setup.mirrored is not None) + TURNED * turned
 
 
 def _squares(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: SensorChannels) -> float:
-    """Compute squared errors of all chords, in their deviations."""
+    """Compute squared errors of all chords and of a base that stays where it is, in their deviations."""
+    base = poses[:, setup.labels[0], :3]
+    moved = float(((base - base.mean(axis=0)) ** 2).sum(axis=1).mean()) / (VARYING * heights[-1]) ** 2
     errors = _chord_errors(poses, turns, heights, setup)
     middle = errors.mean(axis=0)
     constant = float((middle**2).sum()) / (CHORD * heights[-1]) ** 2
     varying = float(((errors - middle) ** 2).sum(axis=(1, 2)).mean()) / (VARYING * heights[-1]) ** 2
-    return float(constant + varying)
+    return float(constant + varying + moved)
 
 
 def _distance(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: SensorChannels) -> float:
@@ -172,8 +191,9 @@ def _chord_errors(poses: Floats, turns: Sequence[Floats], heights: Floats, setup
     places = poses[:, list(setup.labels), :3] * mirror
     axes = [turns[k][:, :, 2] for k in setup.labels]
     axes[0] = setup.sign * turns[setup.labels[0]][:, :, setup.axis]
+    along = -1.0 if setup.reversed else 1.0
     steps = [
-        0.5 * (upper - lower) * (one + other)
+        along * 0.5 * (upper - lower) * (one + other)
         for lower, upper, one, other in zip(heights, heights[1:], axes, axes[1:], strict=False)
     ]
     errors: Floats = np.diff(places, axis=1) - np.stack(steps, axis=1)
@@ -203,7 +223,26 @@ def _describe(names: Sequence[str], setup: SensorChannels) -> str:
         words.append(
             f"the base's body has its {'-' if setup.sign < 0 else ''}{AXES[setup.axis]} axis along the arm"
         )
+    if setup.reversed:
+        words.append(UPSIDE_DOWN)
     return " and ".join(words) or "the frames as they are named"
+
+
+def _whole_mirror(
+    recording: Recording, specimen: Specimen, columns: tuple[str, ...]
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Mirror positions and orientations along z where markers or pressures show a left-handed laboratory."""
+    alone = mirror_frames(recording, 2, whole=True)
+    together = mirror_markers(alone, 2)
+    best = clearly_least(np.array([marker_distance(one, specimen) for one in (alone, together)]))
+    found = registered_directions(together, specimen)
+    if best == 1 or (best is None and found is not None and found.as_specimen):
+        shown = "the markers" if best == 1 else "the pressures"
+        what = f"the z axis of the laboratory is mirrored, in positions and orientations, as {shown} show"
+        return together, (RecordingFault(recording.name, "frame", columns, what, "mended for this run"),)
+    what = f"{UPSIDE_DOWN}, or the laboratory is left-handed"
+    cure = "export a right-handed laboratory, and define the bodies so that their z points along the arm"
+    return recording, (RecordingFault(recording.name, "frame", columns, what, cure, mended=False),)
 
 
 def _mended(
