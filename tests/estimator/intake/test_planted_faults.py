@@ -102,6 +102,10 @@ REFUSED = {
         ),
         "the z axes of all bodies point against the arm, or the laboratory is left-handed",
     ),
+    "tilted body": (
+        arm.both(arm.only("frame"), arm.body_turned("tip", (0.0, 1.05, 0.0))),
+        "positions and orientations of base, intermediate, tip contradict each other by [45]. mm",
+    ),
     "frames, base turned": (
         arm.both(arm.only("frame"), arm.body_turned("base", (0.0, 0.0, 1.2))),
         "rotated by -6[789] degrees about its axis, as the base registers it",
@@ -161,6 +165,16 @@ def test_a_fault_is_named_and_mended(good: Recording, name: str) -> None:
     assert sum("mirrored" in sentence for sentence in intake.sentences) == (
         "mirror" in name or "handed" in name
     )
+
+
+@pytest.mark.usefixtures("without_events")
+def test_quaternions_in_another_order_are_mended_and_never_taken_for_exchanged_frames() -> None:
+    frames = arm.small_arm(parts=("frame",), flexibility=1.8)
+    intake = take_in(arm.scalar_last(frames), SPECIMEN)
+    assert not intake.refusals
+    _require(intake.sentences, "the quaternions are in the order x, y, z, w")
+    for name, values in frames.columns.items():
+        np.testing.assert_array_equal(intake.recording.columns[name], values)
 
 
 @pytest.mark.usefixtures("without_events")
