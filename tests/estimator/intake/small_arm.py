@@ -191,6 +191,17 @@ def rotated(rotation: tuple[float, float, float]) -> Fault:
     return fault
 
 
+def base_unread(recording: Recording) -> Recording:
+    """Lose every reading of the base."""
+    base = [n for n in recording.columns if n.startswith(("marker_base", "frame_base"))]
+    return _with(recording, {n: np.full(len(recording.time), np.nan) for n in base})
+
+
+def base_of_zeros(recording: Recording) -> Recording:
+    """Write zeros for the base's frame, as many systems do for a body that was never found."""
+    return scaled("frame_base", "", 0.0)(recording)
+
+
 def left_handed(axis: int) -> Fault:
     """Mirror positions along an axis, and orientations with them: M p and M R M."""
 

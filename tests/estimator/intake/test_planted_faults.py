@@ -110,6 +110,15 @@ REFUSED = {
         arm.both(arm.only("frame"), arm.body_turned("base", (0.0, 0.0, 1.2))),
         "rotated by -6[789] degrees about its axis, as the base registers it",
     ),
+    "base unread, turned": (
+        arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.base_unread),
+        "rotated by 6[789] degrees",
+    ),
+    "base unread, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.base_unread), "off its rest"),
+    "base of zeros, turned": (
+        arm.both(arm.only("frame"), arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.base_of_zeros)),
+        "rotated by 6[789] degrees .* nothing of the base was read",
+    ),
     "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; turn its sign"),
     "three of six chambers": (arm.three_chambers, "has chambers 0, 1, 2, the specimen 6"),
     "time without a unit": (arm.in_milliseconds, "t_s rises by 50 .* set rate_hz"),
@@ -290,6 +299,12 @@ def test_a_fault_that_cannot_be_mended_is_refused_with_a_cure(good: Recording, n
     (refusal,) = take_in(fault(good), SPECIMEN).refusals
     assert re.search(words, str(refusal))
     assert refusal.cure
+
+
+def test_a_base_that_was_never_read_registers_nothing(good: Recording) -> None:
+    unread = arm.base_unread(arm.only("frame")(good))
+    with pytest.raises(InputError, match="frame_base: holds no reading, so that nothing registers"):
+        arrange(unread, SPECIMEN, ("base", "intermediate", "tip"))
 
 
 def test_a_recording_without_the_base_may_be_in_its_frame(good: Recording) -> None:

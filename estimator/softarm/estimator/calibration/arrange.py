@@ -251,7 +251,7 @@ def registration_of(recording: Recording, specimen: Specimen, section: str) -> R
         section: Name of its first section, the base.
 
     Raises:
-        InputError: Markers of the base were recorded, and they cannot register it.
+        InputError: Markers or a frame of the base were recorded, and they cannot register it.
     """
     base = specimen.section(section)
     markers = [m for m in specimen.markers if m.section == base.name and m.name in recording.markers]
@@ -272,7 +272,12 @@ def _registration_by_pose(recording: Recording, specimen: Specimen, section: str
     pose = recording.pose(section)
     valid = pose[np.isfinite(pose).all(axis=1)]
     if not len(valid):
-        return Registration()
+        raise InputError(
+            f"{recording.name}, frame_{section}",
+            "holds no reading, so that nothing registers the laboratory",
+            f"record the frame or three markers of the {section}, or remove its columns if all positions are "
+            "in its frame",
+        )
     base, mounted = specimen.section(section), specimen.calibration.frame(section)
     rest = from_quaternions(np.array(base.frame_quaternion))
     recorded = mean_rotation(from_quaternions(valid[:, 3:]))

@@ -29,14 +29,13 @@ RESTING = 0.2
 BENT = 3.0
 """Where they do not, sections may lie so many times farther off."""
 CALM = "with the lowest pressures"
-NOTHING = ", and nothing of the base was recorded"
+NOTHING = ", and nothing of the base was read"
 
 
 def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Refuse positions that are not in the base frame, and a base frame that is not the specimen's."""
     base = specimen.sections[0].name
-    recorded = {marker.section for marker in specimen.markers if marker.name in recording.markers}
-    if base in recorded or base in recording.frames:
+    if _seen(recording, specimen, base):
         return recording, _against_base(recording, specimen)
     bodies = bodies_of(recording, specimen)
     words = (
@@ -49,6 +48,17 @@ def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     cure = f"record the frame or three markers of the {base}, or give all positions in its frame"
     names = tuple(body.name for body in bodies)
     return recording, (RecordingFault(recording.name, "frame", names, words + NOTHING, cure, mended=False),)
+
+
+def _seen(recording: Recording, specimen: Specimen, base: str) -> bool:
+    """Whether the frame or a marker of the base was read at any time."""
+    seen = [recording.pose(base)] if base in recording.frames else []
+    seen += [
+        recording.marker(m.name)
+        for m in specimen.markers
+        if m.section == base and m.name in recording.markers
+    ]
+    return any(bool(np.isfinite(values).all(axis=1).any()) for values in seen)
 
 
 def _against_base(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ...]:
