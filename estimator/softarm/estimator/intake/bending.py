@@ -19,7 +19,7 @@ from softarm.estimator.specimen import Specimen
 
 Complex = NDArray[np.complex128]
 
-LEAST_SAMPLES = 20
+LEAST_SAMPLES, MOST_SAMPLES = 20, 2000
 LEAST_MOTION = 2e-3
 """Standard deviation of the lateral motion below which it shows no direction [m]."""
 EXPLAINED = 0.3
@@ -101,12 +101,13 @@ def bending_directions(
     total, samples, slopes = 0.0, 0, 0.0j
     for body in bodies:
         moved = heights < body.above
-        valid = np.isfinite(inputs).all(axis=1) & np.isfinite(body.place).all(axis=1)
-        if valid.sum() < LEAST_SAMPLES or not moved.any():
+        valid = np.flatnonzero(np.isfinite(inputs).all(axis=1) & np.isfinite(body.place).all(axis=1))
+        valid = valid[:: max(len(valid) // MOST_SAMPLES, 1)]
+        if len(valid) < LEAST_SAMPLES or not moved.any():
             continue
         place = body.place[valid, 0] + 1j * body.place[valid, 1]
         place = place - place.mean()
-        total, samples = total + float((np.abs(place) ** 2).sum()), samples + int(valid.sum())
+        total, samples = total + float((np.abs(place) ** 2).sum()), samples + len(valid)
         centred = inputs[valid] - inputs[valid].mean(axis=0)
         for mirrored in left:
             columns = np.where(mirrored, centred.conj(), centred)[:, moved]

@@ -61,7 +61,7 @@ def marker_distance(recording: Recording, specimen: Specimen) -> float:
 
 def clearly_least(distances: Floats) -> int | None:
     """Return which one of several distances [m] brings markers to the frames, if one alone does."""
-    if not np.isfinite(distances).all():
+    if not len(distances) or not np.isfinite(distances).all():
         return None
     best, *others = np.argsort(distances, kind="stable")
     least = distances[best]
