@@ -43,16 +43,28 @@ def pressures(time: np.ndarray, seed: int) -> np.ndarray:
 
 
 def small_arm(
-    seed: int = 0, seconds: float = 80.0, parts: tuple[str, ...] = ("bend", "frame", "marker")
+    seed: int = 0,
+    seconds: float = 80.0,
+    parts: tuple[str, ...] = ("bend", "frame", "marker"),
+    flexibility: float = 0.9,
 ) -> Recording:
-    """Record a constant-curvature arm with a lag, creep and a little softening."""
+    """Record a constant-curvature arm with a lag, creep and a little softening.
+
+    Args:
+        seed: Of poses and noise.
+        seconds: How long.
+        parts: Kinds of sensors.
+        flexibility: Bend of a segment by one chamber at its limit [rad].
+    """
     rng = np.random.default_rng([seed, 2])
     time = np.arange(0.0, seconds, 1.0 / RATE)
     acting = pressures(time, seed)
     lagged, crept = _filtered(acting, 0.1), _filtered(acting, 8.0)
     effective = 0.93 * lagged + 0.07 * crept + 0.1 * lagged**2 / LIMIT
     azimuths = np.tile(np.arange(3) * 2.0 * np.pi / 3.0, 2)
-    pushes = -effective[:, :, None] * np.column_stack([np.cos(azimuths), np.sin(azimuths)]) * 0.9 / LIMIT
+    pushes = (
+        -effective[:, :, None] * np.column_stack([np.cos(azimuths), np.sin(azimuths)]) * flexibility / LIMIT
+    )
     bends = {"intermediate": pushes[:, :3].sum(axis=1), "tip": pushes[:, 3:].sum(axis=1)}
     columns: dict[str, np.ndarray] = {}
     for k in range(6):
@@ -177,6 +189,58 @@ def rotated(rotation: tuple[float, float, float]) -> Fault:
         return _with(recording, moved)
 
     return fault
+
+
+def base_unread(recording: Recording) -> Recording:
+    """Lose every reading of the base."""
+    base = [n for n in recording.columns if n.startswith(("marker_base", "frame_base"))]
+    return _with(recording, {n: np.full(len(recording.time), np.nan) for n in base})
+
+
+def base_of_zeros(recording: Recording) -> Recording:
+    """Write zeros for the base's frame, as many systems do for a body that was never found."""
+    return scaled("frame_base", "", 0.0)(recording)
+
+
+def left_handed(axis: int) -> Fault:
+    """Mirror positions along an axis, and orientations with them: M p and M R M."""
+
+    def fault(recording: Recording) -> Recording:
+        mirror = np.diag([-1.0 if k == axis else 1.0 for k in range(3)])
+        moved = dict(scaled("", f"_{'xyz'[axis]}_m", -1.0)(recording).columns)
+        for name in recording.frames:
+            quaternions = to_quaternions(mirror @ from_quaternions(recording.pose(name)[:, 3:]) @ mirror)
+            moved |= {f"frame_{name}_q{letter}": quaternions[:, k] for k, letter in enumerate("wxyz")}
+        return _with(recording, moved)
+
+    return fault
+
+
+def only(*kinds: str) -> Fault:
+    """Keep the pressures and some kinds of sensors."""
+    return lambda recording: replace(
+        recording, columns={n: v for n, v in recording.columns.items() if n.startswith(("pressure", *kinds))}
+    )
+
+
+def body_turned(section: str, rotation: tuple[float, float, float]) -> Fault:
+    """Define the body of a section by axes that are turned by a rotation vector [rad]."""
+
+    def fault(recording: Recording) -> Recording:
+        turns = from_quaternions(recording.pose(section)[:, 3:]) @ exp(np.array(rotation))
+        named = zip("wxyz", to_quaternions(turns).T, strict=True)
+        return _with(recording, {f"frame_{section}_q{letter}": values for letter, values in named})
+
+    return fault
+
+
+def scalar_last(recording: Recording) -> Recording:
+    """Write quaternions as (x, y, z, w)."""
+    moved = {}
+    for name in recording.frames:
+        for letter, source in zip("wxyz", "xyzw", strict=True):
+            moved[f"frame_{name}_q{letter}"] = recording.columns[f"frame_{name}_q{source}"]
+    return _with(recording, moved)
 
 
 def without_base(recording: Recording) -> Recording:

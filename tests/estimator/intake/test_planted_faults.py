@@ -78,14 +78,29 @@ MENDED = {
     "markers of two bodies": (arm.exchanged("marker_tip0", "marker_base1"), "base1 and tip0 are exchanged"),
     "mirrored markers": (
         arm.scaled("marker_", "_y_m", -1.0),
-        "mirrored: only so do the sections lie and point as they do in the specimen",
+        "the y axis of the markers, and not of the frames, is mirrored: only so do the sections lie",
     ),
     "frames": (arm.exchanged("frame_intermediate", "frame_tip"), "intermediate and tip are exchanged"),
     "bends": (arm.exchanged("bend_intermediate", "bend_tip"), "bends of intermediate and tip are exchanged"),
     "mirrored frames": (
         arm.scaled("frame_", "_y_m", -1.0),
-        "y axis of the laboratory's positions is mirrored",
+        "y axis of the laboratory's positions is mirrored, and that of the markers is not",
     ),
+    "mirrored positions": (
+        arm.scaled("", "_y_m", -1.0),
+        "y axis of the laboratory's positions is mirrored: positions follow",
+    ),
+    "mirrored heights": (
+        arm.scaled("", "_z_m", -1.0),
+        "z axis of the laboratory's positions is mirrored: positions follow",
+    ),
+    **{
+        f"left-handed {letter}": (
+            arm.left_handed(axis),
+            f"the {letter} axis of the laboratory( is mirrored)?, in positions and orientations",
+        )
+        for axis, letter in enumerate("xyz")
+    },
 }
 REFUSED = {
     "no base, turned": (
@@ -98,6 +113,38 @@ REFUSED = {
         "marker_tip0 lies 27.* m from .* millimetres or centimetres",
     ),
     "no base, mirrored": (arm.both(arm.scaled("", "_y_m", -1.0), arm.without_base), "mirrored frame"),
+    "frames, left-handed x": (arm.both(arm.only("frame"), arm.left_handed(0)), "as in a mirrored frame"),
+    "frames, left-handed y": (arm.both(arm.only("frame"), arm.left_handed(1)), "as in a mirrored frame"),
+    "frames, upside down": (
+        arm.both(
+            arm.only("frame"),
+            arm.both(
+                arm.body_turned("base", (np.pi, 0.0, 0.0)),
+                arm.both(
+                    arm.body_turned("intermediate", (np.pi, 0.0, 0.0)),
+                    arm.body_turned("tip", (np.pi, 0.0, 0.0)),
+                ),
+            ),
+        ),
+        "the z axes of all bodies point against the arm, or the laboratory is left-handed",
+    ),
+    "tilted body": (
+        arm.both(arm.only("frame"), arm.body_turned("tip", (0.0, 1.05, 0.0))),
+        "positions and orientations of base, intermediate, tip contradict each other by [45]. mm",
+    ),
+    "frames, base turned": (
+        arm.both(arm.only("frame"), arm.body_turned("base", (0.0, 0.0, 1.2))),
+        "rotated by -6[789] degrees about its axis, as the base registers it",
+    ),
+    "base unread, turned": (
+        arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.base_unread),
+        "rotated by 6[789] degrees",
+    ),
+    "base unread, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.base_unread), "off its rest"),
+    "base of zeros, turned": (
+        arm.both(arm.only("frame"), arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.base_of_zeros)),
+        "rotated by 6[789] degrees .* nothing of the base was read",
+    ),
     "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; turn its sign"),
     "three of six chambers": (arm.three_chambers, "has chambers 0, 1, 2, the specimen 6"),
     "time without a unit": (arm.in_milliseconds, "t_s rises by 50 .* set rate_hz"),
@@ -151,8 +198,55 @@ def test_a_fault_is_named_and_mended(good: Recording, name: str) -> None:
     intake = take_in(fault(good), SPECIMEN)
     assert not intake.refusals
     _require(intake.sentences, words)
-    if name != "mirrored markers":  # which axis was mirrored does not matter: the base registers the rest
-        _require_alike(intake.recording, good)
+    _require_alike(intake.recording, good)
+    assert sum("mirrored" in sentence for sentence in intake.sentences) == (
+        "mirror" in name or "handed" in name
+    )
+
+
+@pytest.mark.usefixtures("without_events")
+def test_quaternions_in_another_order_are_mended_and_never_taken_for_exchanged_frames() -> None:
+    frames = arm.small_arm(parts=("frame",), flexibility=1.8)
+    intake = take_in(arm.scalar_last(frames), SPECIMEN)
+    assert not intake.refusals
+    _require(intake.sentences, "the quaternions are in the order x, y, z, w")
+    for name, values in frames.columns.items():
+        np.testing.assert_array_equal(intake.recording.columns[name], values)
+
+
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("parts", [("marker",), ("frame", "marker")])
+def test_exchanged_markers_of_a_mirrored_laboratory_are_told_from_others_by_frames_or_pressures(
+    seed: int, parts: tuple[str, ...]
+) -> None:
+    """Of the markers alone, two others of the base that are exchanged explain as much, with fewer faults."""
+    good = arm.small_arm(seed, parts=parts)
+    mirrored = arm.both(arm.exchanged("marker_tip0", "marker_tip1"), arm.scaled("marker_", "_y_m", -1.0))
+    intake = take_in(mirrored(good), SPECIMEN)
+    assert not intake.refusals
+    _require(intake.sentences, "markers tip0 and tip1 are exchanged and .* is mirrored")
+    _require_alike(intake.recording, good)
+
+
+def test_exchanged_markers_are_refused_where_nothing_tells_them_from_a_mirrored_laboratory() -> None:
+    markers = arm.small_arm(parts=("marker",))
+    columns = {n: np.full_like(v, 3e4) for n, v in markers.columns.items() if n.startswith("pressure")}
+    recording = replace(markers, columns={**markers.columns, **columns})
+    _, (found,) = mend_labels(arm.exchanged("marker_tip0", "marker_tip1")(recording), SPECIMEN)
+    assert not found.mended
+    assert "tip0 and tip1 are exchanged, or markers base0 and base1 are exchanged and one axis" in found.what
+
+
+@pytest.mark.usefixtures("without_events")
+def test_frames_of_a_laboratory_with_a_left_handed_height_are_mended_by_the_pressures(
+    good: Recording,
+) -> None:
+    frames = arm.only("frame")(good)
+    intake = take_in(arm.left_handed(2)(frames), SPECIMEN)
+    assert not intake.refusals
+    _require(intake.sentences, "z axis of the laboratory is mirrored, in positions and orientations")
+    _require_alike(intake.recording, frames)
 
 
 @pytest.mark.usefixtures("without_events")
@@ -343,6 +437,12 @@ def test_a_fault_that_cannot_be_mended_is_refused_with_a_cure(good: Recording, n
     assert refusal.cure
 
 
+def test_a_base_that_was_never_read_registers_nothing(good: Recording) -> None:
+    unread = arm.base_unread(arm.only("frame")(good))
+    with pytest.raises(InputError, match="frame_base: holds no reading, so that nothing registers"):
+        arrange(unread, SPECIMEN, ("base", "intermediate", "tip"))
+
+
 def test_a_recording_without_the_base_may_be_in_its_frame(good: Recording) -> None:
     assert not take_in(arm.without_base(good), SPECIMEN).sentences
 
@@ -473,19 +573,37 @@ def _require(sentences: tuple[str, ...], words: str) -> None:
 
 
 def _require_alike(mended: Recording, good: Recording) -> None:
-    """Motion and the pressures that caused it agree again with those of the good recording."""
-    for name in ("bend_tip_x_rad", "frame_tip_z_m", "marker_tip0_x_m"):
-        one, other = (_relation(recording, name) for recording in (mended, good))
-        np.testing.assert_allclose(one, other, atol=0.06 * np.abs(other).max())
+    """Motion in the base frame, and the pressures that caused it, agree again with those of the good one."""
+    names = (
+        "bend_tip_x_rad",
+        *(f"{body}_{axis}_m" for body in ("frame_tip", "marker_tip0") for axis in "xyz"),
+    )
+    pairs = [
+        [_relation(recording, name) for recording in (mended, good)] for name in names if name in good.columns
+    ]
+    largest = max(np.abs(other).max() for _, other in pairs)
+    for one, other in pairs:
+        np.testing.assert_allclose(one, other, atol=0.06 * largest)
 
 
 def _relation(recording: Recording, name: str) -> np.ndarray:
     """Regress a reading on the pressures: what a calibration would take from the recording."""
     columns = [recording.columns[f"pressure_{k}_pa"] for k in range(6)]
     design = np.column_stack([*columns, np.full(len(recording.time), 1e5)])
-    values = recording.columns[name]
+    values = _in_base(recording, name)
     seen = np.isfinite(values) & np.isfinite(design).all(axis=1)
     return np.linalg.lstsq(design[seen], values[seen], rcond=None)[0]
+
+
+def _in_base(recording: Recording, name: str) -> np.ndarray:
+    """Bring a column of positions to the base frame, as the recording's own base registers it."""
+    kind, _, rest = name.partition("_")
+    if kind == "bend":
+        return recording.columns[name]
+    body, axis, _ = rest.rsplit("_", 2)
+    places = recording.pose(body)[:, :3] if kind == "frame" else recording.marker(body)
+    registration = arrange(recording, SPECIMEN, ("base", "intermediate", "tip")).registration
+    return registration.to_base(places)[:, "xyz".index(axis)]
 
 
 def test_the_scatter_of_vented_valves_is_no_pressure_in_another_unit() -> None:

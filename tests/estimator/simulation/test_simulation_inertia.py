@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from softarm.estimator.simulation.inertia import Masses, StrainDynamics
+from softarm.estimator.simulation.inertia import Masses, StrainDynamics, VibratingArm
 from tests.estimator.simulation.straight_arm import HEIGHTS, SEGMENTS, STIFFNESS, straight_arm
 
 TIP = Masses(np.array([0.0, 0.08]), np.zeros(2))
@@ -104,3 +104,9 @@ def test_what_rests_stays_at_rest_and_a_pause_ends_a_vibration():
     stepped = np.where(TIME < 1.9, 0.0, 1.0)[:, None]
     found = oscillator(2.0, len(TIME)).strains(clock, stepped, (0.0, 0.0))
     assert found[TIME > 2.02] == pytest.approx(1.0)
+
+
+def test_an_arm_whose_rest_is_known_at_no_time_does_not_vibrate():
+    known = np.zeros(len(TIME), dtype=bool)
+    arm = VibratingArm(TIME, oscillator(2.0, len(TIME)), (1.0, 0.0), 0.0, known, ~known)
+    assert not arm.lag(np.full((len(TIME), 1), np.nan)).any()

@@ -105,7 +105,7 @@ def arrange(
     """
     names = tuple(sections or (section.name for section in specimen.sections))
     pressures, sources = _pressures(recording, specimen)
-    registration = _registration(recording, specimen, names)
+    registration = registration_of(recording, specimen, names[0])
     make = SpecimenSensors(specimen, names, registration)
     sensors = {**_bends(recording, make), **_poses(recording, make), **_markers(recording, make)}
     described = {marker.name for marker in specimen.markers}
@@ -242,9 +242,18 @@ def _markers(recording: Recording, make: SpecimenSensors) -> Sensors:
     return {sensor.name: (sensor, values) for sensor, values in made}
 
 
-def _registration(recording: Recording, specimen: Specimen, names: Sequence[str]) -> Registration:
-    """Find the laboratory in the base frame: by the base's markers, by its pose, or taken as the same."""
-    base = specimen.section(names[0])
+def registration_of(recording: Recording, specimen: Specimen, section: str) -> Registration:
+    """Find the laboratory in the base frame: by the base's markers, by its pose, or taken as the same.
+
+    Args:
+        recording: With positions in the laboratory.
+        specimen: The arm.
+        section: Name of its first section, the base.
+
+    Raises:
+        InputError: Markers or a frame of the base were recorded, and they cannot register it.
+    """
+    base = specimen.section(section)
     markers = [m for m in specimen.markers if m.section == base.name and m.name in recording.markers]
     if markers:
         rotation = from_quaternions(np.array(base.frame_quaternion))
@@ -263,7 +272,12 @@ def _registration_by_pose(recording: Recording, specimen: Specimen, section: str
     pose = recording.pose(section)
     valid = pose[np.isfinite(pose).all(axis=1)]
     if not len(valid):
-        return Registration()
+        raise InputError(
+            f"{recording.name}, frame_{section}",
+            "holds no reading, so that nothing registers the laboratory",
+            f"record the frame or three markers of the {section}, or remove its columns if all positions are "
+            "in its frame",
+        )
     base, mounted = specimen.section(section), specimen.calibration.frame(section)
     rest = from_quaternions(np.array(base.frame_quaternion))
     recorded = mean_rotation(from_quaternions(valid[:, 3:]))

@@ -1,7 +1,9 @@
 """Labels of markers and handedness of their laboratory, by trying them against the specimen's rigid sections.
 
 A labelling is judged by how rigidly the markers of each section fit their places in the specimen, and by
-where it puts the sections in the base frame: near to their rest.
+where it puts the sections in the base frame: near to their rest. Markers that lie almost in one plane fit it
+either way round, so an exchange of two is a mirrored laboratory with an exchange elsewhere. Which of these
+explanations it is, frames decide, or the directions in which pressures bend the arm.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,7 +13,15 @@ from itertools import combinations, permutations, product
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.intake.hypotheses import Explanation, choose
+from softarm.estimator.intake.hypotheses import UNAMBIGUOUS, Explanation, choose
+from softarm.estimator.intake.mirrors import (
+    AXES,
+    clearly_least,
+    marker_distance,
+    mirror_frames,
+    mirror_markers,
+)
+from softarm.estimator.intake.mounts import registered_directions
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions, log, nearest_rotation
@@ -31,6 +41,9 @@ MOVED = -3.0
 """Logarithm of the prior per marker with a wrong name."""
 MIRRORED = -5.0
 """Logarithm of the prior of a laboratory frame with a mirrored axis."""
+DOUBTED = 8.0
+"""Explanations that are less probable by the exponential of this, 3000 times, before the markers are seen
+need not be refuted: two more markers with wrong names are not as rare."""
 WHOLE = 5
 """Up to so many markers, every labelling is tried; above, exchanges within and between sections."""
 MISFIT = 8.0
@@ -113,47 +126,121 @@ def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     if best == sensible:
         return recording, ()
     before = _worst(points, sensible.labels, False)
-    return _renamed(
-        recording, markers, best, choice.unambiguous, choice.odds, choice.second.what, before, worst
-    )
+    rivals = _rivals(tried, choice.best)
+    shown = _shown(recording, specimen, markers, rivals)
+    if shown is None:
+        names, kind = _at_fault(markers, best)
+        what = ", or ".join(describe(markers, one) for one in rivals[:3])
+        cure = "correct the names or the axes of the export: neither frames nor pressures show which it is"
+        return recording, (RecordingFault(recording.name, kind, names, what, cure, mended=False),)
+    if shown == sensible:
+        return recording, ()
+    odds = choice.odds if choice.unambiguous and shown == best else np.inf
+    after = _worst(points, shown.labels, shown.mirrored)
+    return _renamed(recording, specimen, markers, shown, odds, before, after)
+
+
+def _rivals(tried: Sequence[Explanation[Labelling]], best: Explanation[Labelling]) -> list[Labelling]:
+    """List the best explanation and those that the markers leave open, the likeliest first.
+
+    Names alone do not decide: an explanation that fits the markers as well is open, unless it is far less
+    probable before they are seen.
+    """
+    clear = np.log(UNAMBIGUOUS)
+    expected = _prior(best.what)
+    rivals = [
+        one
+        for one in tried
+        if one.log_likelihood > best.log_likelihood - clear
+        or (
+            _prior(one.what) > expected - DOUBTED
+            and one.log_likelihood - _prior(one.what) > best.log_likelihood - expected - clear
+        )
+    ]
+    return [one.what for one in sorted(rivals, key=lambda one: -one.log_likelihood)]
+
+
+def _shown(
+    recording: Recording, specimen: Specimen, markers: MarkerLayout, rivals: Sequence[Labelling]
+) -> Labelling | None:
+    """Return the only one of some explanations that frames or pressures agree with.
+
+    Under it markers fit the frames, or chambers bend the arm away from their azimuths.
+    """
+    if len(rivals) == 1:
+        return rivals[0]
+    mended = [_applied(recording, specimen, markers, one) for one in rivals]
+    tried = [(one, own) for one, (own, where) in zip(rivals, mended, strict=True) if where is not None]
+    best = clearly_least(np.array([marker_distance(own, specimen) for _, own in tried]))
+    if best is not None:
+        return tried[best][0]
+    found = [registered_directions(own, specimen) for _, own in tried]
+    if any(one is None or not (one.as_specimen or one.is_mirrored or one.is_rotated) for one in found):
+        return None
+    shown = [what for (what, _), one in zip(tried, found, strict=True) if one is not None and one.as_specimen]
+    return shown[0] if len(shown) == 1 else None
 
 
 def _renamed(
     recording: Recording,
+    specimen: Specimen,
     markers: MarkerLayout,
     best: Labelling,
-    unambiguous: bool,
     odds: float,
-    second: Labelling,
     before: float,
     after: float,
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    names = tuple(markers.names[k] for k, label in enumerate(best.labels) if label != k) or markers.names
-    kind: Kind = "labels" if best.labels != tuple(range(len(markers.names))) else "frame"
-    if not unambiguous:
-        what = f"{describe(markers, best)}, or {describe(markers, second)}"
-        cure = f"correct the names or the axes of the export (odds only {odds:.0f})"
-        return recording, (RecordingFault(recording.name, kind, names, what, cure, False, odds),)
+    names, kind = _at_fault(markers, best)
+    mended, where = _applied(recording, specimen, markers, best)
+    if where is None:
+        what = f"{describe(markers, best)}, and under no axis are the markers in the laboratory of the frames"
+        cure = "export frames and markers in one right-handed laboratory"
+        return recording, (RecordingFault(recording.name, "frame", names, what, cure, False, odds),)
+    if before > after + 1e-4:
+        fits = f"the markers fit their sections to {1e3 * after:.1f} instead of {1e3 * before:.1f} mm"
+    else:  # markers in one plane fit their section either way
+        fits = "only so do the sections lie and point as they do in the specimen"
+    what = f"{describe(markers, best, where)}: {fits}"
+    mismatch = RecordingFault(recording.name, kind, names, what, "mended for this run", True, odds)
+    return mended, (mismatch,)
+
+
+def _at_fault(markers: MarkerLayout, best: Labelling) -> tuple[tuple[str, ...], Kind]:
+    """Return the names of the markers at fault, all of them for a mirrored axis, and the kind of fault."""
+    moved = tuple(markers.names[k] for k, label in enumerate(best.labels) if label != k)
+    return (moved, "labels") if moved else (markers.names, "frame")
+
+
+def _applied(
+    recording: Recording, specimen: Specimen, markers: MarkerLayout, best: Labelling
+) -> tuple[Recording, str | None]:
+    """Mend names and the mirrored axis; which one it is, in words, or ``None`` where frames contradict all.
+
+    Without frames any axis will do, since the base's markers register the rest.
+    """
     columns = dict(recording.columns)
     for k, label in enumerate(best.labels):
         for suffix in MARKER_SUFFIXES:
             columns[f"marker_{markers.names[k]}_{suffix}"] = recording.columns[
                 f"marker_{markers.names[label]}_{suffix}"
             ]
-    if best.mirrored:
-        for name in recording.markers:
-            columns[f"marker_{name}_x_m"] = -columns[f"marker_{name}_x_m"]
-    if before > after + 1e-4:
-        fits = f"the markers fit their sections to {1e3 * after:.1f} instead of {1e3 * before:.1f} mm"
-    else:  # markers in one plane fit their section either way
-        fits = "only so do the sections lie and point as they do in the specimen"
-    what = f"{describe(markers, best)}: {fits}"
-    mismatch = RecordingFault(recording.name, kind, names, what, "mended for this run", True, odds)
-    return replace(recording, columns=columns), (mismatch,)
+    mended = replace(recording, columns=columns)
+    if not best.mirrored:
+        return mended, ""
+    if not any(np.isfinite(recording.pose(section)).any() for section in recording.frames):
+        return mirror_markers(mended, 0), "one axis of the laboratory frame"
+    alone = [mirror_markers(mended, axis) for axis in range(3)]
+    tried = [*alone, *(mirror_frames(one, axis, whole=True) for axis, one in enumerate(alone))]
+    found = clearly_least(np.array([marker_distance(one, specimen) for one in tried]))
+    if found is None:
+        return recording, None
+    together, axis = divmod(found, 3)
+    of = "laboratory, in positions and orientations," if together else "markers, and not of the frames,"
+    return tried[found], f"the {AXES[axis]} axis of the {of}"
 
 
-def describe(markers: MarkerLayout, labelling: Labelling) -> str:
-    """Describe which markers bear whose name."""
+def describe(markers: MarkerLayout, labelling: Labelling, where: str | None = None) -> str:
+    """Describe which markers bear whose name, and which axis is mirrored."""
     pairs = [
         f"{markers.names[label]} is named {markers.names[k]}"
         for k, label in enumerate(labelling.labels)
@@ -165,7 +252,7 @@ def describe(markers: MarkerLayout, labelling: Labelling) -> str:
     elif pairs:
         pairs = ["markers are permuted (" + ", ".join(pairs) + ")"]
     if labelling.mirrored:
-        pairs.append("one axis of the laboratory frame is mirrored")
+        pairs.append(f"{where or 'one axis of the laboratory frame'} is mirrored")
     return " and ".join(pairs) or "the markers as they are named"
 
 
@@ -222,9 +309,14 @@ def _within_sections(markers: MarkerLayout) -> Iterator[Labels]:
             yield tuple(labels)
 
 
+def _prior(labelling: Labelling) -> float:
+    moved = sum(label != k for k, label in enumerate(labelling.labels))
+    return MOVED * moved + MIRRORED * labelling.mirrored
+
+
 def _likelihood(points: Points, specimen: Specimen, labels: Labels, mirrored: bool) -> float:
     fitted = _fits(points, labels, mirrored)
-    value = MOVED * sum(label != k for k, label in enumerate(labels)) + MIRRORED * mirrored
+    value = _prior(Labelling(labels, mirrored))
     for name, (_, _, errors) in fitted.items():
         count = 3 * len(points.markers.of(name)) - 6
         value -= 0.5 * max(float(np.median(errors**2, axis=0).sum()) / PLACED**2 - count, 0.0)

@@ -1,22 +1,24 @@
-"""Recordings without the base: whether positions can be in the base frame at all.
+"""Whether positions are in the base frame, and whether the base's own frame is that of the specimen.
 
 The base's frame or markers register the laboratory. Without them positions count as given in the base
-frame, and that can be checked: with low pressures each section is near its rest, and a chamber bends the
-arm away from its azimuth, a_k = -exp(i phi_k). With s_k the regression of the lateral place on pressure k,
-as a complex number, the laboratory is rotated about the arm's axis by arg(sum s_k conj(a_k)); where it is
-mirrored, sum s_k a_k is larger.
+frame, and that can be checked: with low pressures each section is near its rest, and chambers bend the arm
+away from their azimuths (``bending``). The latter holds behind a registration too: a body of the base that is
+turned about its axis, or a laboratory whose positions and orientations are both left-handed, contradict
+nothing else.
 """
 
-from dataclasses import dataclass
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.calibration.arrange import registration_of
+from softarm.estimator.errors import InputError
+from softarm.estimator.intake.bending import BendingDirections, LooseBody, bending_directions
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
-from softarm.estimator.specimen import Chamber, Specimen
+from softarm.estimator.specimen import Specimen
 
 LOWEST = 10.0
 """Percentile of the summed pressures up to which the arm counts as at rest."""
@@ -26,41 +28,16 @@ RESTING = 0.2
 """Share of the limits up to which the lowest pressures leave the arm near its rest."""
 BENT = 3.0
 """Where they do not, sections may lie so many times farther off."""
-TURN = np.radians(25.0)
-"""Rotation about the arm's axis from which the laboratory counts as rotated."""
-CLEAR = 0.7
-"""Share of the chambers' slopes that one rotation must explain."""
-MIRRORED = 1.2
-"""So many times better a mirrored frame must explain them: one chamber alone fits either."""
-LEAST_SAMPLES = 20
 CALM = "with the lowest pressures"
-NOTHING = ", and nothing of the base was recorded"
-
-
-@dataclass(frozen=True)
-class LooseBody:
-    """A frame or a marker below the base.
-
-    Args:
-        name: What a message calls it.
-        above: From where on it is moved: the upper end of its section along the arm [m].
-        rest: Where it is at rest in the base frame [m], shape (3,).
-        place: Where it was recorded [m], shape (samples, 3).
-    """
-
-    name: str
-    above: float
-    rest: Floats
-    place: Floats
+NOTHING = ", and nothing of the base was read"
 
 
 def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Refuse positions that are not in the base frame where nothing of the base was recorded."""
+    """Refuse positions that are not in the base frame, and a base frame that is not the specimen's."""
     base = specimen.sections[0].name
-    recorded = {marker.section for marker in specimen.markers if marker.name in recording.markers}
-    if base in recorded or base in recording.frames:
-        return recording, ()
-    bodies = _bodies(recording, specimen)
+    if _seen(recording, specimen, base):
+        return recording, _against_base(recording, specimen)
+    bodies = bodies_of(recording, specimen)
     words = (
         _off_rest(recording, specimen, bodies)
         or _tilted(recording, specimen)
@@ -73,7 +50,46 @@ def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     return recording, (RecordingFault(recording.name, "frame", names, words + NOTHING, cure, mended=False),)
 
 
-def _bodies(recording: Recording, specimen: Specimen) -> list[LooseBody]:
+def _seen(recording: Recording, specimen: Specimen, base: str) -> bool:
+    """Whether the frame or a marker of the base was read at any time."""
+    seen = [recording.pose(base)] if base in recording.frames else []
+    seen += [
+        recording.marker(m.name)
+        for m in specimen.markers
+        if m.section == base and m.name in recording.markers
+    ]
+    return any(bool(np.isfinite(values).all(axis=1).any()) for values in seen)
+
+
+def _against_base(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ...]:
+    """State how the base's frame, by which the laboratory is registered, differs from the specimen's."""
+    found = registered_directions(recording, specimen)
+    if found is None or not (found.is_mirrored or found.is_rotated):
+        return ()
+    words = _directions(found) + ", as the base registers it"
+    cure = (
+        "export a right-handed laboratory, or number the chambers as the specimen does"
+        if found.is_mirrored
+        else "turn the axes of the base's body as the specimen's are, or number the chambers as it does"
+    )
+    names = tuple(body.name for body in bodies_of(recording, specimen))
+    return (RecordingFault(recording.name, "frame", names, words, cure, mended=False),)
+
+
+def registered_directions(recording: Recording, specimen: Specimen) -> BendingDirections | None:
+    """Find in which directions pressures bend the arm in the frame of its recorded base."""
+    try:
+        registration = registration_of(recording, specimen, specimen.sections[0].name)
+    except InputError:  # refused with these words where the recording is arranged
+        return None
+    bodies = [
+        replace(body, place=registration.to_base(body.place)) for body in bodies_of(recording, specimen)
+    ]
+    return bending_directions(recording, specimen, bodies)
+
+
+def bodies_of(recording: Recording, specimen: Specimen) -> list[LooseBody]:
+    """List the frames and markers of a recording that belong to the specimen."""
     bodies = []
     for section in specimen.sections:
         origin, rest = np.array(section.frame_origin_m), from_quaternions(np.array(section.frame_quaternion))
@@ -125,38 +141,14 @@ def _calm(recording: Recording, specimen: Specimen) -> tuple[NDArray[np.bool_], 
 
 def _turned(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
     """State by how much the directions in which pressures bend the arm are rotated, if they are."""
-    chambers = [chamber for chamber in specimen.chambers if chamber.index in recording.chambers]
-    plain, mirrored, power = 0.0j, 0.0j, 0.0
-    for body in bodies:
-        for chamber, slope in zip(chambers, _slopes(recording, chambers, body), strict=True):
-            if specimen.segment(chamber.segment).from_m < body.above:
-                expected = -np.exp(1j * chamber.azimuth_rad)
-                plain += slope * np.conj(expected)
-                mirrored += slope * expected
-                power += abs(slope)
-    if power == 0.0 or max(abs(plain), abs(mirrored)) < CLEAR * power:
-        return ""
-    if abs(mirrored) > MIRRORED * abs(plain):
+    found = bending_directions(recording, specimen, bodies)
+    return "" if found is None else _directions(found)
+
+
+def _directions(found: BendingDirections) -> str:
+    if found.is_mirrored:
         return "pressures bend the arm as in a mirrored frame"
-    rotation = float(np.angle(plain))
-    if abs(rotation) < TURN:
-        return ""
-    return (
-        f"pressures bend the arm in directions rotated by {np.degrees(rotation):.0f} degrees about its axis"
-    )
-
-
-def _slopes(recording: Recording, chambers: list[Chamber], body: LooseBody) -> NDArray[np.complex128]:
-    """Regress the lateral place, x + i y, on the pressures, shape (chambers,)."""
-    pressures = np.column_stack(
-        [np.zeros((len(recording.time), 0)), *(recording.pressure(c.index)[0] for c in chambers)]
-    )
-    valid = np.isfinite(pressures).all(axis=1) & np.isfinite(body.place).all(axis=1)
-    if valid.sum() < LEAST_SAMPLES:
-        return np.zeros(len(chambers), dtype=np.complex128)
-    inputs, place = (
-        pressures[valid] - pressures[valid].mean(axis=0),
-        body.place[valid, 0] + 1j * body.place[valid, 1],
-    )
-    slopes, *_ = np.linalg.lstsq(inputs, place - place.mean(), rcond=1e-3)
-    return np.asarray(slopes, dtype=np.complex128)
+    if found.is_rotated:
+        angle = np.degrees(found.rotation)
+        return f"pressures bend the arm in directions rotated by {angle:.0f} degrees about its axis"
+    return ""

@@ -186,6 +186,8 @@ class VibratingArm:
 
     def lag(self, still: Floats) -> Floats:
         """Return by how much strains vibrate about quasi-static ones, shape (samples, strains, ...)."""
+        if not self.known.any():
+            return np.zeros_like(still)
         before, after, share = self._delayed
         wide = (-1, *(1,) * (still.ndim - 1))
         late = still[before] + share.reshape(wide) * (still[after] - still[before])
