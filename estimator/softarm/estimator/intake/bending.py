@@ -135,4 +135,5 @@ def _inputs(recording: Recording, specimen: Specimen) -> tuple[Floats, Complex]:
         if chambers:
             heights.append(segment.from_m)
             inputs.append(total)
-    return np.array(heights), np.array(inputs, dtype=np.complex128).reshape(len(heights), -1).T
+    columns = np.array(inputs, dtype=np.complex128).reshape(len(heights), len(recording.time))
+    return np.array(heights), columns.T
