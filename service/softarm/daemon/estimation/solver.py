@@ -44,10 +44,10 @@ from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import stretched
 
 WARM_UP_PRESSURE_PA = 1000.0
-WARM_UP_STEP_S = 0.15
-WARM_UP_INSTANTS = 4
-"""The first has no readings; the filter of the forces begins with the second and goes on with the third. The
-finite elements begin with the third where a rod answers for them."""
+WARM_UP_S = (0.0, 0.15, 0.3, 0.45, 0.46, 0.47)
+"""Times [s] of the instants that warm a solver up. The first has no readings; the finite elements begin with
+the third where a rod answers for them. The filter of the forces begins anew after a pause in which the arm
+may have swung, so the last follow at the pace of a live arm."""
 LIVE = Tolerances(
     step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=2, forecast=30.0, settles=False
 )
@@ -169,8 +169,7 @@ class Solver:
         """Compile and factor once, so that the first live request is as fast as the rest."""
         readings = self._suite.stack({})
         pressures = np.full(self._model.chambers, WARM_UP_PRESSURE_PA)
-        for instant in range(WARM_UP_INSTANTS):
-            time_s = instant * WARM_UP_STEP_S
+        for time_s in WARM_UP_S:
             result = self(EstimationRequest(time_s, 0, readings, pressures, gravity, want_hold=True))
             readings = self._suite.predict(Frames(result.positions, from_quaternions(result.quaternions)))
             if self._pursuit is not None:
