@@ -140,8 +140,10 @@ class Search:
         self, ranked: Sequence[tuple[int, float, Floats]], marginal: Marginal
     ) -> list[tuple[int, float, Floats]]:
         """List what is fitted: the best of a ranking, and an effect of which a usual share explains more."""
+        if not self.evidence.has_nominal:
+            return list(ranked[:FINALISTS])
         name, gain = usual_effect(self.evidence, marginal)
-        if not self.evidence.has_nominal or gain <= ranked[0][1]:
+        if gain <= ranked[0][1]:
             return list(ranked[:FINALISTS])
         hypotheses = self.evidence.library.hypotheses
         return [e for k, e in enumerate(ranked) if k < FINALISTS or hypotheses[e[0]].name == name]

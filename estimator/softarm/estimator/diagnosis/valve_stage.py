@@ -187,7 +187,7 @@ def with_valves(diagnosis: Diagnosis, faults: tuple[Finding, ...]) -> Diagnosis:
 
 
 def not_judged(admitted: Admitted, splits: Sequence[Split]) -> tuple[str, ...]:
-    """Name the recordings of valves alone that tell nothing of any valve."""
+    """Name the recordings of valves alone by which no valve can be judged."""
     judged = {split.recording for split in splits}
     return tuple(
         f"{recording.name}: no valve can be judged; {NEEDED}."

@@ -80,6 +80,11 @@ class BendingDirections:
         return self._clear and abs(self.rotation) >= TURN
 
     @property
+    def is_decided(self) -> bool:
+        """Whether it is clear which of these holds."""
+        return self.as_specimen or self.is_mirrored or self.is_rotated
+
+    @property
     def _clear(self) -> bool:
         return self.left < min(EXPLAINED, self.mirrored / CLEAR)
 

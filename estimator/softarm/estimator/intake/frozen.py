@@ -12,11 +12,11 @@ from itertools import pairwise
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.intake.grid import lost_pressures
+from softarm.estimator.intake.grid import lost_pressures, without_pressure
 from softarm.estimator.intake.result import MOTION, RecordingFault
 from softarm.estimator.intake.streams import SampledStream, streams_of
 from softarm.estimator.recording import Recording
-from softarm.estimator.series import inside, window_means
+from softarm.estimator.series import window_means
 from softarm.estimator.specimen import Specimen
 
 SHORTEST = 5.0
@@ -109,7 +109,7 @@ def _rests(recording: Recording) -> list[tuple[float, float]]:
             changes[observed[1:][np.diff(values[observed]) != 0.0]] = True
     for gauge in recording.gauges:
         changes |= np.abs(np.nan_to_num(recording.gauge(gauge))) > TAUT
-    changes |= inside(recording.time, [(begin, end) for _, begin, end in lost_pressures(recording)])
+    changes |= without_pressure(recording, recording.time)
     edges = [0, *np.flatnonzero(changes).tolist(), len(changes)]
     spans = [(float(recording.time[a]), float(recording.time[b - 1])) for a, b in pairwise(edges) if b > a]
     return [(begin, end) for begin, end in spans if end - begin >= SHORTEST]

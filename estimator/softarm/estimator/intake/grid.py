@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.intake.streams import SampledStream
 from softarm.estimator.recording import Recording
 from softarm.estimator.series import inside, window_means
@@ -66,7 +66,7 @@ def grid_of(recording: Recording, streams: tuple[SampledStream, ...], step: floa
         if keep
     ]
     means = window_means(values, edges, count)
-    means[inside(time, [(begin, end) for _, begin, end in lost_pressures(recording)])] = np.nan
+    means[without_pressure(recording, time)] = np.nan
     return Grid(
         time,
         step,
@@ -75,6 +75,11 @@ def grid_of(recording: Recording, streams: tuple[SampledStream, ...], step: floa
         np.concatenate([*numbers, np.zeros(0, dtype=np.int64)]).astype(np.int64),
         tuple(units),
     )
+
+
+def without_pressure(recording: Recording, time: Floats) -> Flags:
+    """Return at which times [s] some pressure was lost for long, in the shape of ``time``."""
+    return inside(time, [(begin, end) for _, begin, end in lost_pressures(recording)])
 
 
 def lost_pressures(recording: Recording) -> list[tuple[int, float, float]]:

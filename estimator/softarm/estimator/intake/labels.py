@@ -16,12 +16,11 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.hypotheses import UNAMBIGUOUS, Explanation, choose
 from softarm.estimator.intake.mirrors import (
     AXES,
-    clearly_least,
-    marker_distance,
     mirror_frames,
     mirror_markers,
+    shown_by_markers,
 )
-from softarm.estimator.intake.mounts import registered_directions
+from softarm.estimator.intake.mounts import only_agreeing
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions, log, nearest_rotation
@@ -163,22 +162,13 @@ def _rivals(tried: Sequence[Explanation[Labelling]], best: Explanation[Labelling
 def _shown(
     recording: Recording, specimen: Specimen, markers: MarkerLayout, rivals: Sequence[Labelling]
 ) -> Labelling | None:
-    """Return the only one of some explanations that frames or pressures agree with.
-
-    Under it markers fit the frames, or chambers bend the arm away from their azimuths.
-    """
+    """Return the only one of some explanations that frames or pressures agree with."""
     if len(rivals) == 1:
         return rivals[0]
     mended = [_applied(recording, specimen, markers, one) for one in rivals]
     tried = [(one, own) for one, (own, where) in zip(rivals, mended, strict=True) if where is not None]
-    best = clearly_least(np.array([marker_distance(own, specimen) for _, own in tried]))
-    if best is not None:
-        return tried[best][0]
-    found = [registered_directions(own, specimen) for _, own in tried]
-    if any(one is None or not (one.as_specimen or one.is_mirrored or one.is_rotated) for one in found):
-        return None
-    shown = [what for (what, _), one in zip(tried, found, strict=True) if one is not None and one.as_specimen]
-    return shown[0] if len(shown) == 1 else None
+    shown = only_agreeing([own for _, own in tried], specimen)
+    return None if shown is None else tried[shown][0]
 
 
 def _renamed(
@@ -231,7 +221,7 @@ def _applied(
         return mirror_markers(mended, 0), "one axis of the laboratory frame"
     alone = [mirror_markers(mended, axis) for axis in range(3)]
     tried = [*alone, *(mirror_frames(one, axis, whole=True) for axis, one in enumerate(alone))]
-    found = clearly_least(np.array([marker_distance(one, specimen) for one in tried]))
+    found = shown_by_markers(tried, specimen)
     if found is None:
         return recording, None
     together, axis = divmod(found, 3)

@@ -142,7 +142,7 @@ def _single(
 def _others(
     recording: Recording, specimen: Specimen, units: list[str]
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Bring markers whose place the specimen does not tell to the unit that frames or markers were in."""
+    """Bring markers that the specimen does not describe to the unit that frames or markers were in."""
     described = {**_frames(recording, specimen), **_markers(recording, specimen)}
     if len(_markers(recording, specimen)) < 2:
         described = dict(_frames(recording, specimen))

@@ -4,6 +4,7 @@ A frame and the markers of its section are one rigid body. With p, R the frame a
 its section is o, R^T (m - p) is o up to how the body was defined, in one laboratory only.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -67,6 +68,11 @@ def clearly_least(distances: Floats) -> int | None:
     least = distances[best]
     clear = least < AGREE and (not others or least < CLEARLY * distances[others[0]])
     return int(best) if clear else None
+
+
+def shown_by_markers(recordings: Sequence[Recording], specimen: Specimen) -> int | None:
+    """Return which one of several recordings has markers and frames in one laboratory, if one alone."""
+    return clearly_least(np.array([marker_distance(one, specimen) for one in recordings]))
 
 
 def _negated(recording: Recording, names: list[str]) -> Recording:

@@ -7,6 +7,7 @@ turned about its axis, or a laboratory whose positions and orientations are both
 nothing else.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from numpy.typing import NDArray
 from softarm.estimator.calibration.arrange import registration_of
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake.bending import BendingDirections, LooseBody, bending_directions
+from softarm.estimator.intake.mirrors import shown_by_markers
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
@@ -86,6 +88,21 @@ def registered_directions(recording: Recording, specimen: Specimen) -> BendingDi
         replace(body, place=registration.to_base(body.place)) for body in bodies_of(recording, specimen)
     ]
     return bending_directions(recording, specimen, bodies)
+
+
+def only_agreeing(recordings: Sequence[Recording], specimen: Specimen) -> int | None:
+    """Return which one of several mended recordings markers or pressures agree with, if one alone.
+
+    Its markers fit its frames, or chambers bend the arm away from their azimuths.
+    """
+    best = shown_by_markers(recordings, specimen)
+    if best is not None:
+        return best
+    found = [registered_directions(one, specimen) for one in recordings]
+    if any(one is None or not one.is_decided for one in found):
+        return None
+    agreeing = [k for k, one in enumerate(found) if one is not None and one.as_specimen]
+    return agreeing[0] if len(agreeing) == 1 else None
 
 
 def bodies_of(recording: Recording, specimen: Specimen) -> list[LooseBody]:

@@ -22,8 +22,9 @@ from softarm.estimator.intake.mirrors import (
     marker_distance,
     mirror_frames,
     mirror_markers,
+    shown_by_markers,
 )
-from softarm.estimator.intake.mounts import registered_directions
+from softarm.estimator.intake.mounts import only_agreeing, registered_directions
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import BEND_SUFFIXES, POSE_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions
@@ -247,21 +248,12 @@ def _describe(names: Sequence[str], setup: SensorChannels) -> str:
 def _shown(
     recording: Recording, specimen: Specimen, names: Sequence[str], rivals: Sequence[SensorChannels]
 ) -> SensorChannels | None:
-    """Return the only one of some explanations that markers or pressures agree with.
-
-    Under it markers fit the frames, or chambers bend the arm away from their azimuths.
-    """
+    """Return the only one of some explanations that markers or pressures agree with."""
     if any(setup.axis != 2 or setup.sign < 0.0 for setup in rivals):  # such a body may be turned about z
         return None
     mended = [_mended(recording, specimen, names, setup)[0] for setup in rivals]
-    best = clearly_least(np.array([marker_distance(one, specimen) for one in mended]))
-    if best is not None:
-        return rivals[best]
-    found = [registered_directions(one, specimen) for one in mended]
-    if any(one is None or not (one.as_specimen or one.is_mirrored or one.is_rotated) for one in found):
-        return None
-    shown = [setup for setup, one in zip(rivals, found, strict=True) if one is not None and one.as_specimen]
-    return shown[0] if len(shown) == 1 else None
+    shown = only_agreeing(mended, specimen)
+    return None if shown is None else rivals[shown]
 
 
 def _whole_mirror(
@@ -270,7 +262,7 @@ def _whole_mirror(
     """Mirror positions and orientations along z where markers or pressures show a left-handed laboratory."""
     alone = mirror_frames(recording, 2, whole=True)
     together = mirror_markers(alone, 2)
-    best = clearly_least(np.array([marker_distance(one, specimen) for one in (alone, together)]))
+    best = shown_by_markers((alone, together), specimen)
     found = registered_directions(together, specimen)
     if best == 1 or (best is None and found is not None and found.as_specimen):
         shown = "the markers" if best == 1 else "the pressures"
