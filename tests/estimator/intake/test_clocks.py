@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 from softarm.estimator.intake.clocks import DELAY, Shifts, _strayed, find_delays, likelihoods, mend_clocks
 from softarm.estimator.recording import Recording
-from tests.estimator.intake.small_arm import LIMIT, shifted, small_arm, specimen
+from tests.estimator.intake.small_arm import LIMIT, both, shifted, small_arm, specimen
 
 LAGS = np.arange(-8.0, 8.01, 0.05)
 SAMPLES = 25.0
@@ -37,7 +37,9 @@ def test_a_motion_that_only_a_shift_explains_is_moved():
     assert lag == pytest.approx(4.5, abs=0.2)
 
 
-@pytest.mark.parametrize(("fitted", "moved"), [((0.02, 0.04), False), ((0.04, 0.02), True)])
+@pytest.mark.parametrize(
+    ("fitted", "moved"), [((0.02, 0.04), False), ((0.04, 0.02), False), ((0.3, 0.02), True)]
+)
 def test_a_shift_that_predicts_poses_by_chance_does_not_fit_them(fitted, moved):
     assert (strayed(0.64, 0.2, fitted) is not None) is moved
 
@@ -97,3 +99,33 @@ def test_slow_lines_are_no_shift(seconds):
 def test_one_late_sensor_is_no_shift_of_the_clocks():
     late = shifted(("bend_tip",), 0.6)(small_arm(2, parts=("bend",)))
     assert mend_clocks(late, specimen())[1] == ()
+
+
+@pytest.mark.parametrize("parts", [("bend",), ("frame",)])
+def test_clocks_that_started_long_apart_are_moved_together_or_refused(parts):
+    cases = [(seed, lag) for seed in range(3) for lag in (-15.0, -4.0, 3.0, 6.0, 12.0, 20.0)]
+    mended = 0
+    for seed, lag in cases:
+        recording = shifted(parts, lag)(small_arm(seed, parts=parts))
+        _, (fault,) = mend_clocks(recording, specimen())
+        assert (fault.kind, fault.columns) == ("clock", ("pressures",))
+        if fault.mended:  # some of the few poses say as much at another shift
+            assert float(fault.what.split()[3]) == pytest.approx(abs(lag), abs=0.2)
+            assert ("behind" in fault.what) is (lag > 0.0)
+        mended += fault.mended
+    assert mended > 0.7 * len(cases)
+
+
+@pytest.mark.parametrize("one", ["bend_tip", "frame_tip"])
+def test_a_sensor_that_is_late_besides_all_others_is_moved_too(one):
+    late = both(shifted(("bend", "frame", "marker"), 3.0), shifted((one,), 2.0))(small_arm(1))
+    mended, faults = mend_clocks(late, specimen())
+    assert [fault.columns for fault in faults] == [("pressures",), (one,)]
+    assert mend_clocks(mended, specimen())[1] == ()
+
+
+def test_sensors_with_clocks_of_their_own_are_moved_each_by_its_own():
+    late = both(shifted(("bend_tip",), 2.0), shifted(("frame_tip",), 3.0))(small_arm(0))
+    _, faults = mend_clocks(late, specimen())
+    found = {fault.columns[0]: float(fault.what.split()[2]) for fault in faults}
+    assert found == {"bend_tip": pytest.approx(2.0, abs=0.2), "frame_tip": pytest.approx(3.0, abs=0.2)}

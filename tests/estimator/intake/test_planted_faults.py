@@ -405,6 +405,20 @@ def test_a_chamber_that_is_commanded_to_open_hardly_at_all_is_no_other_unit(good
     np.testing.assert_array_equal(mended.columns["pressure_3_pa"], columns["pressure_3_pa"])
 
 
+def test_a_hardly_opened_chamber_whose_command_resembles_the_bends_is_no_other_unit(good: Recording) -> None:
+    bends = np.column_stack([good.bend("tip"), good.bend("intermediate")])
+    others = np.column_stack([np.ones(len(good.time)), *(good.pressure(k)[0] for k in (0, 1, 2, 4, 5))])
+    left = bends - others @ np.linalg.lstsq(others, bends, rcond=None)[0]
+    like_bends = np.linalg.svd(left, full_matrices=False)[0][:, 0]
+    asked = 657.0 * (like_bends - like_bends.min()) / np.ptp(like_bends)
+    reported = 100.0 * np.round(0.3 * asked / 100.0) * (np.sin(good.time) > 0.0)  # in steps, now and then
+    columns = {"pressure_cmd_3_pa": asked, "pressure_3_pa": reported}
+    recording = replace(good, columns={**good.columns, **columns})
+    mended, found = mend_units(recording, SPECIMEN)
+    assert not found
+    np.testing.assert_array_equal(mended.columns["pressure_cmd_3_pa"], asked)
+
+
 @pytest.mark.parametrize("touched", [False, True])
 def test_a_first_loading_that_is_stiffer_is_a_law_and_a_touch_on_later_ones_is_none(*, touched: bool) -> None:
     time = np.arange(0.0, 60.0, 0.05)

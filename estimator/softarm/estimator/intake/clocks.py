@@ -1,8 +1,9 @@
 """Clocks that do not agree: one stream shifted against the pressures by a constant, or from some time on.
 
-For each sensor and shift, its motion is regressed on the pressures moved by that shift, together with the
-pressures behind a first-order filter; what counts is how well each part of the run is predicted from the
-others. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an effect of its own
+For each sensor and shift, its motion is regressed on the pushes of the chambers on each segment, moved by that
+shift; what counts is how well they fit, and how well each part of the run is predicted from the others. The
+specimen gives the directions of the pushes: four slopes cannot follow a wrong shift, as one for every chamber
+can where the poses are few. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an effect of its own
 (``sensor_latency``, ``line_lag``); motion that comes earlier than its cause, or far later, is a matter of
 clocks.
 
@@ -11,6 +12,7 @@ alike, changes over ``CHANGE`` seconds show them: pressures behind slow lines ar
 is left to a shift is a pure delay, and one beyond ``DELAY`` is none of the arm's.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
@@ -31,11 +33,13 @@ from softarm.estimator.statistics import correlation_length
 ALLOWED = (-0.3, 0.7)
 """Lag of motion behind pressures [s] that is none of the clocks': as far as the calibration searches,
 and as late as slow lines and sensors make it."""
-LONGEST = 8.0
-"""Longest shift that is looked for [s]."""
+LONGEST = 60.0
+"""Longest shift that is looked for [s]: one system was started long after the other."""
+LONGEST_SHARE = 0.3
+"""And in lengths of the recording: the rest has to show it."""
 STEP = 0.05
 SLOW = 0.4
-"""Time constant of the filter [s]."""
+"""Time constant of the slow line beside which a shift is placed [s], since the arm itself lags a little."""
 EXPLAINED = 0.6
 """Share of the variance that the pressures must explain at the best shift."""
 BETTER = 0.7
@@ -61,6 +65,9 @@ REACH = 2.5
 """Longest delay that is looked for in changes [s]; longer ones show in the levels."""
 PARTS = 4
 """Parts of a run, each predicted from the others."""
+
+Strayed = tuple[float, float, float, float]
+"""Lag [s] and log odds of a shift, the next best lag [s] and the log odds against that."""
 
 
 @dataclass(frozen=True)
@@ -97,29 +104,55 @@ def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
 
     Where all sensors lag alike, the pressures are moved; else the sensor that strays.
     """
-    mended, delays = _mended_delay(recording, specimen)
-    shifts = None if delays else find_shifts(recording, specimen)
+    shifts = find_shifts(recording, specimen)
+    mended, faults = _mended_shift(recording, specimen, shifts)
+    if not faults:
+        return _mended_delay(recording, specimen, shifts)
+    if faults[0].mended and faults[0].columns == ("pressures",):  # a sensor may be late besides
+        mended, more = _mended_shift(mended, specimen, find_shifts(mended, specimen))
+        faults = (*faults, *more)
+    return mended, faults
+
+
+def _mended_shift(
+    recording: Recording, specimen: Specimen, shifts: Shifts | None
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Move the pressures where no sensor is explained without a shift, else the sensors that stray."""
     if shifts is None:
-        return mended, delays
+        return recording, ()
+
+    def placed(strayed: Strayed, *names: str) -> Strayed:
+        return _placed(recording, specimen, strayed[0], names or shifts.names), *strayed[1:]
+
     whole = shifts.likelihoods.mean(axis=0)
     common = _strayed(shifts, whole, shifts.fitted.mean(axis=0))
     alone = [_strayed(shifts, *own) for own in zip(shifts.likelihoods, shifts.fitted, strict=True)]
     for candidate in (common, *alone):
         if candidate is not None and _shared(shifts, candidate[0]):
-            return _mended(recording, ("pressures",), "the motion", candidate)
+            return _mended(recording, ("pressures",), "the motion", placed(candidate))
+    strayed = {name: one for name, one in zip(shifts.names, alone, strict=True) if one is not None}
+    if len(strayed) == len(shifts.names):
+        return _mended(recording, ("pressures",), "the motion", placed(_commonest(tuple(strayed.values()))))
     faults: list[RecordingFault] = []
-    for name, one in zip(shifts.names, alone, strict=True):
-        if one is not None:
-            mended, more = _mended(mended, (name,), name, one)
-            faults += more
-    return mended, tuple(faults)
+    for name, one in strayed.items():
+        recording, more = _mended(recording, (name,), name, placed(one, name))
+        faults += more
+    return recording, tuple(faults)
 
 
-def _mended_delay(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+def _commonest(strayed: Sequence[Strayed]) -> Strayed:
+    """Return the shift that most of several sensors share; of equally common ones that of the first."""
+    return max(strayed, key=lambda one: sum(abs(one[0] - other[0]) < SPREAD for other in strayed))
+
+
+def _mended_delay(
+    recording: Recording, specimen: Specimen, levels: Shifts | None
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Move the pressures where every sensor shows the same delay of its changes.
 
     That delay has to win by clear odds against the usual ones, against another far from it, and against
     pressures that explain nothing of the motion: a regression on few moves may predict worse than none.
+    The levels must not speak against it: changes show no delay longer than ``REACH``.
     """
     shifts = find_delays(recording, specimen)
     if shifts is None or len(shifts.names) < 2:  # one sensor alone may be late itself
@@ -129,11 +162,17 @@ def _mended_delay(recording: Recording, specimen: Specimen) -> tuple[Recording, 
     elsewhere = shifts.usual | (np.abs(shifts.lags - lag) > 2 * SPREAD)
     unrelated = float(likelihoods(np.ones(1), shifts.samples)[0])
     odds = float(likelihood.max()) - max(float(likelihood[elsewhere].max()), unrelated)
-    fitted = shifts.fitted.mean(axis=0)
-    beyond = abs(lag) > REACH - SPREAD or fitted[np.argmax(likelihood)] < fitted[shifts.usual].max()
-    if beyond or odds < np.log(UNAMBIGUOUS) or not _shared(shifts, lag):
+    beyond = abs(lag) > REACH - SPREAD
+    refuted = any(_fits_worse(one, lag) for one in (shifts, levels) if one is not None)
+    if beyond or refuted or odds < np.log(UNAMBIGUOUS) or not _shared(shifts, lag):
         return recording, ()
     return _mended(recording, ("pressures",), "the motion", (lag, odds, lag, odds))
+
+
+def _fits_worse(shifts: Shifts, lag: float) -> bool:
+    """Return whether the sensors fit worse at a lag than at the best usual one."""
+    fitted, near = shifts.fitted.mean(axis=0), np.abs(shifts.lags - lag) < SPREAD
+    return bool(fitted[near].max() < fitted[shifts.usual].max())
 
 
 def _shared(shifts: Shifts, lag: float) -> bool:
@@ -143,35 +182,29 @@ def _shared(shifts: Shifts, lag: float) -> bool:
     return bool((gains > 0.0).all())
 
 
-def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> tuple[float, float, float, float] | None:
+def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> Strayed | None:
     """Find a shift that clearly beats every usual one; prediction chooses it, the fit places it.
 
-    In few poses a wrong shift may predict some from the others by chance, but the right one fits as well as
-    any.
+    In few poses a wrong shift may predict some from the others by chance, but only the right one fits better
+    as well.
 
     Returns:
         Its lag [s] and log odds, the next best lag [s] and the log odds against that; ``None`` without one.
     """
     best = int(np.argmax(likelihood))
-    usual = float(likelihood[shifts.usual].max())
-    gain = float(likelihood[best]) - usual
+    near = np.abs(shifts.lags - shifts.lags[best]) < 2 * SPREAD
+    gain = min(float(one[near].max() - one[shifts.usual].max()) for one in (likelihood, fitted))
     if shifts.usual[best] or gain < np.log(UNAMBIGUOUS) or gain < -0.5 * shifts.samples * np.log(BETTER):
         return None
-    near = np.abs(shifts.lags - shifts.lags[best]) < 2 * SPREAD
-    if fitted[near].max() < fitted[shifts.usual].max():
-        return None
-    away = np.abs(shifts.lags - shifts.lags[best]) > APART
-    other = int(np.flatnonzero(away)[np.argmax(likelihood[away])])
-    return (
-        float(shifts.lags[np.flatnonzero(near)[np.argmax(fitted[near])]]),
-        gain,
-        float(shifts.lags[other]),
-        float(likelihood[best] - likelihood[other]),
-    )
+    away = np.flatnonzero(np.abs(shifts.lags - shifts.lags[best]) > APART)
+    leads = [float(one[near].max() - one[away].max()) for one in (likelihood, fitted)]
+    other = away[np.argmax((likelihood, fitted)[int(np.argmin(leads))][away])]
+    placed = np.flatnonzero(near)[np.argmax(fitted[near])]
+    return float(shifts.lags[placed]), gain, float(shifts.lags[other]), min(leads)
 
 
 def _mended(
-    recording: Recording, columns: tuple[str, ...], subject: str, strayed: tuple[float, float, float, float]
+    recording: Recording, columns: tuple[str, ...], subject: str, strayed: Strayed
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
     lag, gain, other, lead = strayed
     odds = float(np.exp(min(gain, lead, 500.0)))  # beyond that the exponential overflows
@@ -186,7 +219,7 @@ def _mended(
             recording.name, "clock", columns, what, "the pressures were moved for this run", True, odds
         )
         return moved_pressures(recording, lag), (mismatch,)
-    what += ", the other sensors are not: its clock did not start with theirs"
+    what += ", other sensors are not: its clock did not start with theirs"
     moved = {
         name: _moved(recording.time, values, -lag) if name.startswith(f"{subject}_") else values
         for name, values in recording.columns.items()
@@ -199,11 +232,27 @@ def _way(lag: float) -> str:
     return "behind" if lag > 0 else "ahead of"
 
 
+def _placed(recording: Recording, specimen: Specimen, lag: float, names: Sequence[str]) -> float:
+    """Return the lag [s] near another at which pressures, also behind a slow line, fit some sensors best."""
+    streams = tuple(stream for stream in streams_of(recording, specimen) if stream.name in names)
+    grid = grid_of(recording, streams, _step(recording))
+    levels = _levels(grid, recording, specimen)
+    lags = lag + np.arange(-2 * SPREAD, 2 * SPREAD + STEP / 2, STEP)
+    causes = np.column_stack([first_order(levels, grid.step / SLOW)[:, :-1], levels])
+    _, fitted, _ = _unexplained(causes, grid.values, np.round(lags / grid.step).astype(np.int64))
+    return float(lags[np.argmin(_of_sensor(fitted))])
+
+
+def _step(recording: Recording) -> float:
+    """Return the length of the windows in which levels are compared [s]."""
+    return max(STEP, float(np.ptp(recording.time)) / 3000)
+
+
 def find_shifts(recording: Recording, specimen: Specimen) -> Shifts | None:
     """Judge every shift of every sensor by its levels; ``None`` where nothing can be said."""
     seconds = float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
-    reach = min(LONGEST, 0.25 * seconds)
-    return _judged(recording, specimen, max(STEP, seconds / 3000), reach, ALLOWED)
+    reach = min(LONGEST, LONGEST_SHARE * seconds)
+    return _judged(recording, specimen, _step(recording), reach, ALLOWED)
 
 
 def find_delays(recording: Recording, specimen: Specimen) -> Shifts | None:
@@ -229,34 +278,53 @@ def _judged(
     if np.ptp(grid.pressures, axis=0).max(initial=0.0) < PRESSED:
         return None
     lags = np.arange(-reach, reach + STEP / 2, STEP)
-    causes, motion = _levels(grid) if not change else _changes(grid, max(1, round(change / grid.step)))
+    causes, motion = (
+        _changes(grid, max(1, round(change / grid.step)))
+        if change
+        else (_levels(grid, recording, specimen), grid.values)
+    )
     numbers = np.unique(grid.stream)
+    *left, seen = _unexplained(causes, motion, np.round(lags / grid.step).astype(np.int64))
     predicted, fitted = (
-        np.array([left[:, grid.stream == number].mean(axis=1) for number in numbers])
-        for left in _unexplained(causes, motion, np.round(lags / grid.step).astype(np.int64))
+        np.array([_of_sensor(own[:, grid.stream == number]) for number in numbers]) for own in left
     )
     moved = predicted.min(axis=1) < 1.0 - (0.0 if change else EXPLAINED)
     if not moved.any():
         return None
     names = tuple(streams[number].name for number in numbers[moved])
-    # Neighbouring windows that say the same count once; the ends of the run are not seen at every shift.
+    # Neighbouring windows that say the same count once.
     said = grid.step * float(np.mean([correlation_length(column) for column in _centred(motion).T]))
-    samples = (seconds - 2 * reach) / said * (_active(motion) * _directions(motion) if change else 1.0)
+    samples = seconds / said * (_active(motion) * _directions(motion) if change else 1.0)
     return Shifts(
         names,
         lags,
-        likelihoods(predicted[moved], samples),
+        likelihoods(predicted[moved], samples * seen),  # what has no cause left is not explained
         likelihoods(fitted[moved], samples),
         samples,
         allowed,
     )
 
 
-def _levels(grid: Grid) -> tuple[Floats, Floats]:
-    """Return pressures, as they are and behind a slow line, and the motion; shape (windows, columns) each."""
-    both = [grid.pressures, first_order(grid.pressures, grid.step / SLOW)]
+def _levels(grid: Grid, recording: Recording, specimen: Specimen) -> Floats:
+    """Return the pushes of the chambers on each segment along x and y, and one, shape (windows, causes).
+
+    A slope for every chamber would let a few poses follow any shift.
+    """
+    pushes = {segment.name: np.zeros((len(grid.time), 2)) for segment in specimen.segments}
+    for index, pressure in zip(recording.chambers, grid.pressures.T, strict=True):
+        chamber = specimen.chambers[index]
+        away = -np.array([np.cos(chamber.azimuth_rad), np.sin(chamber.azimuth_rad)])
+        pushes[chamber.segment] += pressure[:, None] * away
     scale = max(float(np.abs(grid.pressures).max()), 1.0)
-    return np.column_stack([*(one / scale for one in both), np.ones(len(grid.time))]), grid.values
+    return np.column_stack([*(push / scale for push in pushes.values()), np.ones(len(grid.time))])
+
+
+def _of_sensor(left: Floats) -> Floats:
+    """Average the shares that are left of a sensor's values, shape (lags, values), by their logarithms.
+
+    A height and a torsion follow no linear law at any shift, and must not hide that all else of a pose does.
+    """
+    return np.asarray(np.exp(np.log(left + FORM).mean(axis=1)) - FORM)
 
 
 def _changes(grid: Grid, windows: int) -> tuple[Floats, Floats]:
@@ -295,7 +363,7 @@ def _centred(values: Floats) -> Floats:
     return np.asarray(values - (seen.mean(axis=0) if len(seen) else 0.0))
 
 
-def likelihoods(unexplained: Floats, samples: float) -> Floats:
+def likelihoods(unexplained: Floats, samples: float | Floats) -> Floats:
     """Compute the logarithm of each shift's likelihood from the share of variance that it leaves.
 
     Args:
@@ -305,7 +373,7 @@ def likelihoods(unexplained: Floats, samples: float) -> Floats:
     return np.asarray(-0.5 * samples * np.log(unexplained + FORM))
 
 
-def _unexplained(causes: Floats, motion: Floats, lags: Indices) -> tuple[Floats, Floats]:
+def _unexplained(causes: Floats, motion: Floats, lags: Indices) -> tuple[Floats, Floats, Floats]:
     """Compute the share of each value's variance that shifted causes leave.
 
     Args:
@@ -315,30 +383,30 @@ def _unexplained(causes: Floats, motion: Floats, lags: Indices) -> tuple[Floats,
 
     Returns:
         What they leave of each part of the run, predicted by the regression on the others, and what they
-        leave in the fit, each of shape (lags, values). A run of ten poses has no more levels than the
+        leave in the fit, each of shape (lags, values), and the share of the windows in which both were read,
+        shape (lags,). A run of ten poses has no more levels than the
         regression has coefficients: a shift by whole poses fits as well as the right one, and predicts
         nothing. Prediction is blunt about a tenth of a second, where the fit is sharp.
     """
-    edge = int(np.abs(lags).max())
-    rows = np.flatnonzero(np.isfinite(motion).all(axis=1))
-    rows = rows[(rows >= edge) & (rows < len(motion) - edge)]
     predicted, fitted = np.ones((2, len(lags), motion.shape[1]))
-    if len(rows) < 5 * causes.shape[1]:
-        return predicted, fitted
-    values = motion[rows] - motion[rows].mean(axis=0)
-    parts = [slice(*ends) for ends in pairwise(np.linspace(0, len(rows), PARTS + 1).astype(int))]
-    power = np.array([(values[part] ** 2).sum(axis=0) for part in parts])
-    inner = np.empty((len(lags), PARTS, causes.shape[1], causes.shape[1]))
-    outer = np.empty((*inner.shape[:3], values.shape[1]))
+    seen = np.zeros(len(lags))
+    read = np.flatnonzero(np.isfinite(motion).all(axis=1))
     for k, lag in enumerate(lags):
-        design = causes[rows - lag]
-        for m, part in enumerate(parts):
-            inner[k, m] = design[part].T @ design[part]
-            outer[k, m] = design[part].T @ values[part]
-    whole = np.maximum(power.sum(axis=0), 1e-30)
-    # Chambers that are filled alike would make the matrix singular; the ridge costs all shifts the same.
-    predicted, fitted = (left / whole for left in _regressed(inner, outer, power, 1e-4 * len(rows)))
-    return predicted, fitted
+        rows = read[(read >= lag) & (read < len(motion) + lag)]
+        if len(rows) < 5 * causes.shape[1]:
+            continue
+        seen[k] = len(rows) / len(motion)
+        values, design = motion[rows] - motion[rows].mean(axis=0), causes[rows - lag]
+        parts = [slice(*ends) for ends in pairwise(np.linspace(0, len(rows), PARTS + 1).astype(int))]
+        inner = np.array([design[part].T @ design[part] for part in parts])
+        outer = np.array([design[part].T @ values[part] for part in parts])
+        power = np.array([(values[part] ** 2).sum(axis=0) for part in parts])
+        # Chambers that are filled alike would make the matrix singular; the ridge costs all shifts the same.
+        left = _regressed(inner, outer, power, 1e-4 * len(rows))
+        predicted[k], fitted[k] = (
+            np.maximum(one, 0.0) / np.maximum(power.sum(axis=0), 1e-30) for one in left
+        )
+    return predicted, fitted, seen
 
 
 def _regressed(inner: Floats, outer: Floats, power: Floats, ridge: float) -> tuple[Floats, Floats]:
@@ -347,20 +415,20 @@ def _regressed(inner: Floats, outer: Floats, power: Floats, ridge: float) -> tup
     With A = D^T D, B = D^T V and a law L, the sum of squares of V - D L is V^T V - 2 L B + L A L.
 
     Args:
-        inner: A of each part, shape (lags, parts, causes, causes).
-        outer: B of each part, shape (lags, parts, causes, values).
+        inner: A of each part, shape (parts, causes, causes).
+        outer: B of each part, shape (parts, causes, values).
         power: Diagonal of V^T V of each part, shape (parts, values).
         ridge: What is added to the diagonal of A.
 
     Returns:
-        Both sums of squares, of shape (lags, values).
+        Both sums of squares, of shape (values,).
     """
     added = ridge * np.eye(inner.shape[-1])
-    whole, right = inner.sum(axis=1), outer.sum(axis=1)
-    laws = np.linalg.solve(whole[:, None] - inner + added, right[:, None] - outer)
+    whole, right = inner.sum(axis=0), outer.sum(axis=0)
+    laws = np.linalg.solve(whole - inner + added, right - outer)
     law = np.linalg.solve(whole + added, right)
-    held_out: Floats = (power + (laws * (inner @ laws - 2.0 * outer)).sum(axis=2)).sum(axis=1)
-    residual: Floats = power.sum(axis=0) + (law * (whole @ law - 2.0 * right)).sum(axis=1)
+    held_out: Floats = (power + (laws * (inner @ laws - 2.0 * outer)).sum(axis=1)).sum(axis=0)
+    residual: Floats = power.sum(axis=0) + (law * (whole @ law - 2.0 * right)).sum(axis=0)
     return held_out, residual
 
 

@@ -202,7 +202,8 @@ def _single_chambers(
             moves = shown > usual / STRAYED
             if not 0.0 < span < usual / STRAYED or shown == 0.0:
                 continue
-            if not _acts(recording, aligned, specimen, name, moves=moves):
+            both = (name,) if moves else (name, _other_column(name))  # of a hardly opened one, both are small
+            if not all(_acts(recording, aligned, specimen, one, moves=moves) for one in both):
                 continue
             wanted = shown if moves else usual
             unit = min(PRESSURES, key=lambda one: abs(np.log(PRESSURES[one][0] * span / wanted)))
