@@ -9,6 +9,7 @@ import pytest
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis.diagnose import assemble
 from softarm.estimator.diagnosis.nuisances import calibrate_sessions
+from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.stuck import (
     find_stuck,
@@ -22,13 +23,17 @@ from softarm.estimator.recording import Recording
 from tests.estimator.diagnosis.linear_arm import model, session
 
 
+def _nominal() -> Session:
+    return session("nominal", 0, nominal=True)
+
+
 @pytest.fixture(scope="module")
 def stages() -> tuple[Stage, Stage]:
     """The arm as it is, and with a tip sensor that stops half-way."""
     run = session("run", 11)
     readings = run.readings.copy()
     readings[90:, 2:] = readings[90, 2:]
-    fitted = calibrate_sessions(model(), [session("nominal", 0, nominal=True)])
+    fitted = calibrate_sessions(model(), [_nominal()])
     whole, stopped = (fitted.stage(model(), one) for one in (run, replace(run, readings=readings)))
     return whole, stopped
 
@@ -65,6 +70,22 @@ def test_a_sensor_that_stands_still_during_an_event_is_stuck_there_too(stages: t
     assert left is not None
     assert np.isnan(left[115:200, 2:]).all()
     assert np.isfinite(left[115:200, :2]).all()
+
+
+def test_a_sensor_is_stuck_for_as_long_as_it_reads_the_same_and_the_model_is_elsewhere(
+    stages: tuple[Stage, Stage],
+) -> None:
+    session = stages[0].session
+    pressures = session.pressures.copy()
+    pressures[120:160] = 0.0
+    fitted = calibrate_sessions(model(), [_nominal()])
+    still = fitted.stage(model(), replace(session, pressures=pressures))
+    readings = still.reading_rows - still.residual
+    readings[90:160, 2:] = readings[90, 2:]  # the arm moves at first, and rests away from there for long
+    stage = fitted.stage(model(), replace(session, pressures=pressures, readings=readings))
+    (stuck,) = find_stuck(stage)
+    time = session.clock - session.clock[0]
+    assert (stuck.sensor, stuck.until) == ("bend_tip", pytest.approx(time[159], abs=0.5))
 
 
 def test_a_late_sensor_is_not_stuck(stages: tuple[Stage, Stage]) -> None:

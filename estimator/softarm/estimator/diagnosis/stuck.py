@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.special import expit
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.diagnosis.result import Evidence, Finding, Quantity
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
@@ -214,7 +214,7 @@ def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
 
 
 def _still(time: Floats, shown: Floats, wanted: Floats) -> list[tuple[int, int]]:
-    """List the longest stretches in which readings stand still and predictions move."""
+    """List the longest stretches in which readings stand still and predictions move, or have moved away."""
     step = float(np.median(np.diff(time)))
     width = max(3, round(LEAST / step))
     if len(time) <= width:
@@ -226,7 +226,25 @@ def _still(time: Floats, shown: Floats, wanted: Floats) -> list[tuple[int, int]]
     flags = np.zeros(len(time), dtype=bool)
     for k in np.flatnonzero(quiet & moving):
         flags[k : k + width] = True
+    for start, end in runs(flags):
+        flags |= _held(shown, wanted, slice(start, end))
     return runs(flags)
+
+
+def _held(shown: Floats, wanted: Floats, during: slice) -> Flags:
+    """Return for how long, around a stretch, a reading stays what it was there and the prediction is away."""
+    read = np.isfinite(shown[during]).any(axis=0)
+    shown, wanted = shown[:, read], wanted[:, read]
+    level = np.nanmedian(shown[during], axis=0)
+    moved = np.ptp(wanted[during], axis=0).max()
+    same = np.nan_to_num(np.abs(shown - level)).max(axis=1) < STILL * max(float(moved), MOVING)
+    away = np.nan_to_num(np.abs(shown - wanted)).max(axis=1) > MOVING
+    flags = same & away
+    flags[during] = True
+    around = next(run for run in runs(flags) if run[0] <= during.start < run[1])
+    held = np.zeros(len(flags), dtype=bool)
+    held[slice(*around)] = True
+    return held
 
 
 def _range(values: Floats, width: int) -> Floats:

@@ -1,11 +1,11 @@
 """Clocks that do not agree: one stream shifted against the pressures by a constant, or from some time on.
 
-For each sensor and shift, its motion is regressed on the pushes of the chambers on each segment, moved by that
-shift; what counts is how well they fit, and how well each part of the run is predicted from the others. The
-specimen gives the directions of the pushes: four slopes cannot follow a wrong shift, as one for every chamber
-can where the poses are few. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an effect of its own
-(``sensor_latency``, ``line_lag``); motion that comes earlier than its cause, or far later, is a matter of
-clocks.
+For each sensor and shift, its motion is regressed on the pushes of the chambers on each segment, moved by
+that shift; what counts is how well they fit, and how well each part of the run is predicted from the others.
+The specimen gives the directions of the pushes: four slopes cannot follow a wrong shift, as one for every
+chamber can where the poses are few. Up to ``ALLOWED`` seconds a shift is left to the calibration, or is an
+effect of its own (``sensor_latency``, ``line_lag``); motion that comes earlier than its cause, or far later,
+is a matter of clocks.
 
 Levels show little of shifts that are short against the time for which a pose is held. Where all sensors lag
 alike, changes over ``CHANGE`` seconds show them: pressures behind slow lines are among their causes, so what
@@ -38,6 +38,8 @@ LONGEST = 60.0
 LONGEST_SHARE = 0.3
 """And in lengths of the recording: the rest has to show it."""
 STEP = 0.05
+LEVELS_STEP = 0.1
+"""Lags between which levels are compared [s]; the best of them is then placed to ``STEP``."""
 SLOW = 0.4
 """Time constant of the slow line beside which a shift is placed [s], since the arm itself lags a little."""
 EXPLAINED = 0.6
@@ -277,7 +279,8 @@ def _judged(
     grid = grid_of(recording, streams, step)
     if np.ptp(grid.pressures, axis=0).max(initial=0.0) < PRESSED:
         return None
-    lags = np.arange(-reach, reach + STEP / 2, STEP)
+    between = STEP if change else LEVELS_STEP
+    lags = np.arange(-reach, reach + between / 2, between)
     causes, motion = (
         _changes(grid, max(1, round(change / grid.step)))
         if change
