@@ -24,6 +24,7 @@ from softarm.estimator.diagnosis.fit import (
     Fit,
     MarginalisedProblem,
     RecordingResidual,
+    first_order_gain,
     fit_effects,
     fit_laws,
     gain_of,
@@ -38,7 +39,7 @@ from softarm.estimator.diagnosis.probability import BARE, probabilities, spent
 from softarm.estimator.diagnosis.screen import null_scores, screen, usual_effect
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
-from softarm.estimator.effects import Effect
+from softarm.estimator.effects import Effect, ParameterSpec
 
 MOST = 4
 """Largest number of effects."""
@@ -53,6 +54,8 @@ DELAY_SHARE = 0.05
 """Share of the gain of an effect on the vibration below which a delay is its consequence."""
 TINY = 1e-12
 """Least weighted squares of a change."""
+SIZES = (-2.0, -1.0, 1.0, 2.0)
+"""Sizes, in typical ones, at which effects on the stiffness are tried: a fit finds the way between them."""
 EXACT_STEPS = 6
 """Steps tried by a fit on the model itself."""
 RESOLVED = 4
@@ -120,7 +123,7 @@ class Search:
                 alarm_p = float((null >= ranked[0][1]).mean()) if ranked else 1.0
             if not ranked or ranked[0][1] <= 0.0:
                 break
-            field = self.finalists(fit, self.nominated(ranked, marginal))
+            field = self.finalists(fit, self.nominated(self.at_size(ranked, fit), marginal))
             self.advance(1.0)
             if not field:
                 break
@@ -135,6 +138,25 @@ class Search:
             if fit is not None:
                 accepted, fit = self.reconsidered(accepted, fit, null)
         return ChosenEffects(tuple(accepted), fit, alarm_p, turned_down)
+
+    def at_size(
+        self, ranked: Sequence[tuple[int, float, Floats]], fit: Fit | None
+    ) -> list[tuple[int, float, Floats]]:
+        """Rank effects on the stiffness by what they explain at some size, and begin their fits there.
+
+        A stiffer arm vibrates faster. What that changes is soon out of step, so that a slope at zero says
+        little of a large change, even of what it does at rest.
+        """
+        problem, placed = self.problem(fit), []
+        for number, score, theta in ranked:
+            hypothesis = self.evidence.library.hypotheses[number]
+            best = score, theta
+            if hypothesis.effect.stiffness is not None:
+                for start in sizes_of(hypothesis.effect.parameters, theta):
+                    gain = first_order_gain(problem, (hypothesis,), (start,))
+                    best = max(best, (gain - self.bic_penalty * len(start), start), key=lambda one: one[0])
+            placed.append((number, *best))
+        return sorted(placed, key=lambda entry: -entry[1])
 
     def nominated(
         self, ranked: Sequence[tuple[int, float, Floats]], marginal: Marginal
@@ -569,6 +591,15 @@ class Search:
     def conditioned(self, fit: Fit) -> Fit:
         """Condition a fit on the natural frequency, where one was measured."""
         return self.natural_frequency.conditioned(fit) if self.natural_frequency is not None else fit
+
+
+def sizes_of(parameters: Sequence[ParameterSpec], theta: Floats) -> list[Floats]:
+    """List parameters with amplitudes of some typical sizes, either way, within their bounds."""
+    amplitudes = np.array([one.role == "amplitude" for one in parameters])
+    typical = np.array([one.typical for one in parameters])
+    low, high = (np.array([getattr(one, bound) for one in parameters]) for bound in ("lower", "upper"))
+    tried = (np.where(amplitudes, size * typical, theta) for size in SIZES)
+    return [one for one in tried if ((low <= one) & (one <= high)).all()]
 
 
 def _key(fit: Fit | None) -> tuple[object, ...]:

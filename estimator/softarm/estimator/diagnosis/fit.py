@@ -310,6 +310,13 @@ def gain_of(
     return _gain(problem, whitened(problem, hypotheses, thetas, exact=True))
 
 
+def first_order_gain(
+    problem: MarginalisedProblem, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]
+) -> float:
+    """Return by how much effects lower the cost to first order."""
+    return _gain(problem, whitened(problem, hypotheses, thetas, exact=False))
+
+
 def _gain(problem: MarginalisedProblem, change: Sequence[Floats]) -> float:
     matrix, vector = problem.projected(change)
     return float(2.0 * vector[0] - matrix[0, 0])
