@@ -268,6 +268,32 @@ def test_no_change_is_likeliest_where_a_usual_share_explains_as_much():
     assert probabilities(field, costs, 5.0, np.random.default_rng(0)).sum() < 0.1
 
 
+def test_an_effect_on_the_stiffness_begins_at_the_size_that_explains_most(library):
+    """Its slope at zero is that of a frequency, which a large change has long left behind."""
+    hypotheses = (hypothesis("tip_payload", TIP), hypothesis("segment_stiffness", Place(segment="upper")))
+    typical = EFFECTS["segment_stiffness"].parameters[0].typical
+    search = SimpleNamespace(
+        evidence=SimpleNamespace(library=Library(hypotheses, library.directions[:0])),
+        problem=lambda _: None,
+        bic_penalty=6.0,
+    )
+    gains = {2.0 * typical: 200.0, typical: 110.0}
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(choose, "first_order_gain", lambda _, __, thetas: gains.get(thetas[0][0], -700.0))
+        found = Search.at_size(cast("Any", search), [(0, 120.0, np.ones(1)), (1, 76.0, np.ones(1))], None)
+    assert [(number, score) for number, score, _ in found] == [(1, 194.0), (0, 120.0)]
+    assert found[0][2].tolist() == [2.0 * typical]
+
+
+def test_sizes_are_tried_within_bounds_and_leave_shapes_alone():
+    parameters = EFFECTS["thermal_drift"].parameters
+    change, time = (one.typical for one in parameters)
+    tried = [one.tolist() for one in choose.sizes_of(parameters, np.array([0.0, 0.5 * time]))]
+    assert tried == [[size * change, 0.5 * time] for size in choose.SIZES]
+    narrow = replace(parameters[0], lower=-1.5 * change)
+    assert len(choose.sizes_of((narrow, parameters[1]), np.array([0.0, time]))) == len(choose.SIZES) - 1
+
+
 @pytest.mark.parametrize(
     ("usual", "nominal", "fitted"), [(1e3, True, True), (1.0, True, False), (1e3, False, False)]
 )
