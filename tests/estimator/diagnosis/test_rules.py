@@ -274,13 +274,13 @@ def test_an_effect_on_the_stiffness_begins_at_the_size_that_explains_most(librar
     typical = EFFECTS["segment_stiffness"].parameters[0].typical
     search = SimpleNamespace(
         evidence=SimpleNamespace(library=Library(hypotheses, library.directions[:0])),
-        problem=lambda _: None,
         bic_penalty=6.0,
     )
     gains = {2.0 * typical: 200.0, typical: 110.0}
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(choose, "first_order_gain", lambda _, __, thetas: gains.get(thetas[0][0], -700.0))
-        found = Search.at_size(cast("Any", search), [(0, 120.0, np.ones(1)), (1, 76.0, np.ones(1))], None)
+        patch.setattr(choose, "gain_of", lambda _, __, thetas, *, exact: gains.get(thetas[0][0], -700.0))
+        ranked, problem = [(0, 120.0, np.ones(1)), (1, 76.0, np.ones(1))], cast("Any", None)
+        found = Search.at_size(cast("Any", search), ranked, problem)
     assert [(number, score) for number, score, _ in found] == [(1, 194.0), (0, 120.0)]
     assert found[0][2].tolist() == [2.0 * typical]
 
@@ -696,7 +696,8 @@ def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(better
 
     search = SimpleNamespace(
         refit=lambda fit: fit,
-        finalists=lambda left, ranked: [{0: payload, 1: mass}[number] for number, *_ in ranked],
+        problem=lambda _: None,
+        finalists=lambda _, left, ranked: [{0: payload, 1: mass}[number] for number, *_ in ranked],
         best=best,
         worth=lambda fit: worth if fit.hypotheses[0].name == "distributed_mass" else 100.0,
     )

@@ -24,7 +24,6 @@ from softarm.estimator.diagnosis.fit import (
     Fit,
     MarginalisedProblem,
     RecordingResidual,
-    first_order_gain,
     fit_effects,
     fit_laws,
     gain_of,
@@ -123,7 +122,8 @@ class Search:
                 alarm_p = float((null >= ranked[0][1]).mean()) if ranked else 1.0
             if not ranked or ranked[0][1] <= 0.0:
                 break
-            field = self.finalists(fit, self.nominated(self.at_size(ranked, fit), marginal))
+            problem = self.problem(fit)
+            field = self.finalists(problem, fit, self.nominated(self.at_size(ranked, problem), marginal))
             self.advance(1.0)
             if not field:
                 break
@@ -140,20 +140,20 @@ class Search:
         return ChosenEffects(tuple(accepted), fit, alarm_p, turned_down)
 
     def at_size(
-        self, ranked: Sequence[tuple[int, float, Floats]], fit: Fit | None
+        self, ranked: Sequence[tuple[int, float, Floats]], problem: MarginalisedProblem
     ) -> list[tuple[int, float, Floats]]:
         """Rank effects on the stiffness by what they explain at some size, and begin their fits there.
 
         A stiffer arm vibrates faster. What that changes is soon out of step, so that a slope at zero says
         little of a large change, even of what it does at rest.
         """
-        problem, placed = self.problem(fit), []
+        placed = []
         for number, score, theta in ranked:
             hypothesis = self.evidence.library.hypotheses[number]
             best = score, theta
             if hypothesis.effect.stiffness is not None:
                 for start in sizes_of(hypothesis.effect.parameters, theta):
-                    gain = first_order_gain(problem, (hypothesis,), (start,))
+                    gain = gain_of(problem, (hypothesis,), (start,), exact=False)
                     best = max(best, (gain - self.bic_penalty * len(start), start), key=lambda one: one[0])
             placed.append((number, *best))
         return sorted(placed, key=lambda entry: -entry[1])
@@ -217,9 +217,10 @@ class Search:
             weighted, self.prior, self.weights.effective_sample_fraction, normal_equations
         )
 
-    def finalists(self, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]) -> list[Candidate]:
+    def finalists(
+        self, problem: MarginalisedProblem, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]
+    ) -> list[Candidate]:
         """Fit hypotheses to what is left by those accepted already, the best first."""
-        problem = self.problem(fit)
         ranked_fits = []
         for number, _, theta in ranked:
             key = (number, *_key(fit))
@@ -533,7 +534,9 @@ class Search:
             taken = {chosen[k].candidate.number for k in others}
             rivals = [rival for rival in one.field if rival.number not in taken][:RESOLVED]
             ranked = [(rival.number, rival.delta_bic, rival.fit.thetas[-1]) for rival in rivals]
-            found, _ = self.best(self.finalists(left, ranked), left, null, [chosen[k] for k in others])
+            found, _ = self.best(
+                self.finalists(self.problem(left), left, ranked), left, null, [chosen[k] for k in others]
+            )
             if found is not None and found.candidate.number != one.candidate.number:
                 again = self.refit(left.inserted(found.candidate.fit, number))
                 if self.worth(again) > self.worth(fit):

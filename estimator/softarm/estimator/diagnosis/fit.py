@@ -304,17 +304,14 @@ def whitened(
 
 
 def gain_of(
-    problem: MarginalisedProblem, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]
+    problem: MarginalisedProblem,
+    hypotheses: Sequence[Hypothesis],
+    thetas: Sequence[Floats],
+    *,
+    exact: bool = True,
 ) -> float:
-    """Return by how much effects lower the cost on the model itself."""
-    return _gain(problem, whitened(problem, hypotheses, thetas, exact=True))
-
-
-def first_order_gain(
-    problem: MarginalisedProblem, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]
-) -> float:
-    """Return by how much effects lower the cost to first order."""
-    return _gain(problem, whitened(problem, hypotheses, thetas, exact=False))
+    """Return by how much effects lower the cost on the model itself, or to first order."""
+    return _gain(problem, whitened(problem, hypotheses, thetas, exact=exact))
 
 
 def _gain(problem: MarginalisedProblem, change: Sequence[Floats]) -> float:

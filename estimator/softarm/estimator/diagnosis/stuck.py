@@ -236,7 +236,7 @@ def _held(shown: Floats, wanted: Floats, during: slice) -> Flags:
     read = np.isfinite(shown[during]).any(axis=0)
     shown, wanted = shown[:, read], wanted[:, read]
     level = np.nanmedian(shown[during], axis=0)
-    moved = np.ptp(wanted[during], axis=0).max()
+    moved = (np.nanmax(wanted[during], axis=0) - np.nanmin(wanted[during], axis=0)).max()
     same = np.nan_to_num(np.abs(shown - level)).max(axis=1) < STILL * max(float(moved), MOVING)
     away = np.nan_to_num(np.abs(shown - wanted)).max(axis=1) > MOVING
     flags = same & away

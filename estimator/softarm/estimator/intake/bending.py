@@ -11,13 +11,11 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Complex, Floats
+from softarm.estimator.intake.grid import pushes_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
-
-Complex = NDArray[np.complex128]
 
 LEAST_SAMPLES, MOST_SAMPLES = 20, 2000
 LEAST_MOTION = 2e-3
@@ -129,16 +127,10 @@ def bending_directions(
 
 def _inputs(recording: Recording, specimen: Specimen) -> tuple[Floats, Complex]:
     """Return the heights of the segments with pressures [m], and u of each, shape (samples, segments)."""
-    heights, inputs = [], []
-    for segment in specimen.segments:
-        chambers = [
-            c for c in specimen.chambers if c.segment == segment.name and c.index in recording.chambers
-        ]
-        total = np.zeros(len(recording.time), dtype=np.complex128)
-        for chamber in chambers:
-            total -= np.exp(1j * chamber.azimuth_rad) * recording.pressure(chamber.index)[0]
-        if chambers:
-            heights.append(segment.from_m)
-            inputs.append(total)
-    columns = np.array(inputs, dtype=np.complex128).reshape(len(heights), len(recording.time))
-    return np.array(heights), columns.T
+    pressures = np.array([recording.pressure(k)[0] for k in recording.chambers])
+    pressures = pressures.reshape(len(recording.chambers), len(recording.time)).T
+    pushes = pushes_of(pressures, recording.chambers, specimen)
+    filled = {specimen.chambers[k].segment for k in recording.chambers}
+    driven = np.array([segment.name in filled for segment in specimen.segments], dtype=bool)
+    heights = np.array([segment.from_m for segment in specimen.segments])
+    return heights[driven], pushes[:, driven]

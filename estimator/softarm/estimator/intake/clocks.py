@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats, Indices
-from softarm.estimator.intake.grid import Grid, grid_of
+from softarm.estimator.intake.grid import Grid, grid_of, pushes_of
 from softarm.estimator.intake.hypotheses import UNAMBIGUOUS
 from softarm.estimator.intake.law import first_order
 from softarm.estimator.intake.result import MOTION, RecordingFault
@@ -247,13 +247,17 @@ def _placed(recording: Recording, specimen: Specimen, lag: float, names: Sequenc
 
 def _step(recording: Recording) -> float:
     """Return the length of the windows in which levels are compared [s]."""
-    return max(STEP, float(np.ptp(recording.time)) / 3000)
+    return max(STEP, _seconds(recording) / 3000)
+
+
+def _seconds(recording: Recording) -> float:
+    """Return the length of a recording [s], which may be empty."""
+    return float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
 
 
 def find_shifts(recording: Recording, specimen: Specimen) -> Shifts | None:
     """Judge every shift of every sensor by its levels; ``None`` where nothing can be said."""
-    seconds = float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
-    reach = min(LONGEST, LONGEST_SHARE * seconds)
+    reach = min(LONGEST, LONGEST_SHARE * _seconds(recording))
     return _judged(recording, specimen, _step(recording), reach, ALLOWED)
 
 
@@ -272,8 +276,7 @@ def _judged(
     change: float = 0.0,
 ) -> Shifts | None:
     """Judge shifts of up to ``reach`` by changes over some seconds, or by levels where there are none."""
-    seconds = float(np.ptp(recording.time)) if len(recording.time) > 1 else 0.0
-    streams = streams_of(recording, specimen)
+    seconds, streams = _seconds(recording), streams_of(recording, specimen)
     if seconds < SHORTEST or not recording.chambers or not any(stream.moving.any() for stream in streams):
         return None
     grid = grid_of(recording, streams, step)
@@ -313,13 +316,9 @@ def _levels(grid: Grid, recording: Recording, specimen: Specimen) -> Floats:
 
     A slope for every chamber would let a few poses follow any shift.
     """
-    pushes = {segment.name: np.zeros((len(grid.time), 2)) for segment in specimen.segments}
-    for index, pressure in zip(recording.chambers, grid.pressures.T, strict=True):
-        chamber = specimen.chambers[index]
-        away = -np.array([np.cos(chamber.azimuth_rad), np.sin(chamber.azimuth_rad)])
-        pushes[chamber.segment] += pressure[:, None] * away
-    scale = max(float(np.abs(grid.pressures).max()), 1.0)
-    return np.column_stack([*(push / scale for push in pushes.values()), np.ones(len(grid.time))])
+    pushes = pushes_of(grid.pressures, recording.chambers, specimen)
+    pushes /= max(float(np.abs(grid.pressures).max()), 1.0)
+    return np.column_stack([pushes.view(np.float64), np.ones(len(grid.time))])
 
 
 def _of_sensor(left: Floats) -> Floats:

@@ -1,14 +1,16 @@
 """A recording at an even, slow pace: what the search for events and the comparison of clocks look at."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.arrays import Complex, Flags, Floats
 from softarm.estimator.intake.streams import SampledStream
 from softarm.estimator.recording import Recording
 from softarm.estimator.series import inside, window_means
+from softarm.estimator.specimen import Specimen
 
 LONGEST_LOSS = 1.0
 """Longest time without a reading of a pressure that is bridged [s]: a valve fills a chamber within it."""
@@ -42,6 +44,25 @@ def pressures_of(recording: Recording) -> Floats:
     """Stack the pressures of the recorded chambers [Pa], short losses bridged, shape (samples, chambers)."""
     columns = [_bridged(recording.time, recording.pressure(k)[0]) for k in recording.chambers]
     return np.column_stack(columns) if columns else np.zeros((len(recording.time), 0))
+
+
+def pushes_of(pressures: Floats, chambers: Sequence[int], specimen: Specimen) -> Complex:
+    """Sum up how chambers bend each segment: u_s = -sum_k exp(i phi_k) p_k over the chambers of a segment s.
+
+    Args:
+        pressures: Of the recorded chambers [Pa], shape (samples, chambers).
+        chambers: Their numbers.
+        specimen: With the azimuths phi of the chambers.
+
+    Returns:
+        Real part along x, imaginary part along y [Pa]; shape (samples, segments).
+    """
+    columns = {segment.name: column for column, segment in enumerate(specimen.segments)}
+    pushes = np.zeros((len(pressures), len(columns)), dtype=np.complex128)
+    for number, pressure in zip(chambers, pressures.T, strict=True):
+        chamber = specimen.chambers[number]
+        pushes[:, columns[chamber.segment]] -= np.exp(1j * chamber.azimuth_rad) * pressure
+    return pushes
 
 
 def grid_of(recording: Recording, streams: tuple[SampledStream, ...], step: float) -> Grid:

@@ -14,7 +14,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.diagnosis.stuck import ASKED, LEAST, REPEATED
-from softarm.estimator.intake.grid import pressures_of
+from softarm.estimator.intake.grid import pressures_of, pushes_of
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.intake.streams import QUIET, SPREAD, SampledStream, streams_of
 from softarm.estimator.recording import Recording
@@ -268,13 +268,10 @@ def _drive(recording: Recording, specimen: Specimen, section: str) -> Floats:
     here = next((one.from_m for one in specimen.sections if one.name == section), 0.0)
     above = max((z for z in begins if z < here), default=0.0)
     segments = [one.name for one in specimen.segments if above <= one.from_m < here]
-    pressures, drive = pressures_of(recording), np.zeros((len(recording.time), 2))
-    for column, number in enumerate(recording.chambers):
-        chamber = specimen.chambers[number]
-        if chamber.segment in segments:
-            azimuth = np.array([np.cos(chamber.azimuth_rad), np.sin(chamber.azimuth_rad)])
-            drive += pressures[:, column, None] * azimuth
-    return drive
+    pushes = pushes_of(pressures_of(recording), recording.chambers, specimen)
+    within = [one.name in segments for one in specimen.segments]
+    drive = -pushes[:, within].sum(axis=1)
+    return np.column_stack([drive.real, drive.imag])
 
 
 def _windows(time: Floats) -> Indices:
