@@ -12,6 +12,7 @@ from acceptance.proof.cost import cost_table
 from acceptance.proof.force import force_table
 from acceptance.proof.schedule import SealedTrial, schedule
 from acceptance.proof.sensitivity import sensitivity_table
+from acceptance.proof.touches import touches_table
 from acceptance.proof.trial import Folders, forget, lay_out, name_of, record
 from softarm.bench.diagnosis import jobs_option
 from softarm.bench.trials.folders import read_answer, read_trials
@@ -24,7 +25,9 @@ from softarm.cli.output import PATH, json_option, progress, quick_option, say, s
 from softarm.common.tables import Table
 
 MOTIONS = ("designed", "ordinary")
-PARTS = ("trials", "alternatives", "force", "cost", "sensitivity")
+PARTS = ("trials", "alternatives", "force", "cost")
+ON_KEPT = ("touches", "sensitivity")
+"""Parts on all trials that were kept."""
 HEAD = """# The proof of the diagnosis
 
 Written by `softarm bench proof --write docs/diagnosis-proof.md`.
@@ -55,9 +58,9 @@ the answers lie in a folder that only the scorer opens.
     "--part",
     "parts",
     multiple=True,
-    type=click.Choice(PARTS),
-    default=PARTS[:-1],
-    help="What to prove; all but the sensitivity, on the trials that --keep kept, when left out.",
+    type=click.Choice(PARTS + ON_KEPT),
+    default=PARTS,
+    help="What to prove; all but touches and sensitivity, on the trials that --keep kept, when left out.",
 )
 @click.option(
     "--compared",
@@ -81,7 +84,7 @@ def command(
     quick: bool,
     as_json: bool,
 ) -> int:
-    """Prove the diagnosis on the fake arm: trials, alternatives, forces before and after, cost, sensitivity.
+    """Prove the diagnosis on the fake arm: trials, alternatives, forces, cost, touches, sensitivity.
 
     Example: softarm bench proof --count 40 --write docs/diagnosis-proof.md
     """
@@ -99,6 +102,8 @@ def command(
         tables.append(force_table(folders, say, 1 if quick else compared))
     if "cost" in parts:
         tables.append(cost_table(acting[0], folders, specimen, say))
+    if "touches" in parts:
+        tables.append(touches_table(read_trials(folders.trials), folders, say))
     if "sensitivity" in parts:
         tables.append(sensitivity_table(read_trials(folders.trials), folders.root / "products", say))
     show(*tables, as_json=as_json)

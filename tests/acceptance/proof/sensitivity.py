@@ -134,7 +134,7 @@ def products_of_trial(trial: Trial, kept: Path) -> RegressionProblem:
         box: list[Assembled] = []
         run(request, Inline(), keep=box.append)
         kept.mkdir(parents=True, exist_ok=True)
-        file.write_bytes(pickle.dumps(box[0].evidence, protocol=5))
+        file.write_bytes(pickle.dumps(box[-1].evidence, protocol=5))
     found: RegressionProblem = pickle.loads(file.read_bytes())  # written by this command
     return found
 

@@ -11,7 +11,7 @@ from softarm.estimator.diagnosis.events import EventErrors
 from softarm.estimator.diagnosis.prepare import averaged, prepare
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.intake import Disturbance, Intake
-from softarm.estimator.intake.events import LEAST
+from softarm.estimator.intake.unsteady import LEAST
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import model, trial

@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.analysis.diagnosis.intake import take_all_in, with_intakes
+from softarm.analysis.diagnosis.intake import take_all_in, with_intakes, with_touches
 from softarm.estimator.diagnosis.events import EventErrors
 from softarm.estimator.diagnosis.result import Quantity
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
-from softarm.estimator.intake.events import LEAST
+from softarm.estimator.intake.unsteady import LEAST
 from softarm.estimator.recording import Recording
 from tests.estimator.intake import small_arm as arm
 from tests.service.diagnosis.made_diagnosis import diagnosis
@@ -47,6 +47,24 @@ def test_what_the_model_with_all_findings_predicts_is_no_event(error: float, rep
         f"{EVENT.statement} The model with all findings predicts it to within 1 degrees, so it is no event."
     )
     assert (note in found.notes) != reported
+
+
+def test_touches_that_the_model_shows_join_the_events_that_the_intake_saw_in_part() -> None:
+    """The recording began at 100 s of the clock by which the model goes, and a nominal one at 0."""
+    late = replace(INTAKE, recording=replace(INTAKE.recording, info={"session_start_s": 100.0}))
+    more = Disturbance("run_03", (115.0, 118.0), ("frame_tip",), 0.2, 0.02, 0.01, 0.0, 0.97, (3, 5e3))
+    apart = replace(more, interval=(140.0, 144.0))
+    known = replace(more, recording="nominal_00", interval=(7.0, 9.0))
+    nominal = Recording("nominal_00", np.arange(5.0), {})
+    (intake,), of_nominal = with_touches([late], [nominal], [apart, more, known])
+    joined, other = intake.events
+    assert joined == replace(
+        more, interval=(12.0, 18.0), channels=("bend_tip", "frame_tip"), size_m=0.03, probability=0.99
+    )
+    assert other.interval == (40.0, 44.0)
+    assert set(intake.excluded) == {(15.0, 18.0), (40.0, 44.0)}
+    assert of_nominal == (known,)
+    assert with_touches([INTAKE], [nominal], []) == ((INTAKE,), ())
 
 
 def test_a_sensor_that_stands_still_in_several_recordings_is_one_finding():

@@ -56,6 +56,7 @@ from softarm.estimator.diagnosis.stuck import (
     without_stuck,
 )
 from softarm.estimator.diagnosis.swapped import refuse_swapped
+from softarm.estimator.diagnosis.touches import find_touches, without_touches
 from softarm.estimator.diagnosis.traces import traces_of
 from softarm.estimator.diagnosis.unnamed import LIKELIER, UnnamedLaw, unnamed_law, unnamed_probability
 from softarm.estimator.diagnosis.vibration import fit_vibration, with_vibration
@@ -63,6 +64,7 @@ from softarm.estimator.diagnosis.words import possible
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
+from softarm.estimator.intake import Disturbance
 from softarm.estimator.simulation.inertia import Masses
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -101,6 +103,8 @@ class DiagnosisOutcome:
         fitted: The calibration; ``None`` where only valves were recorded.
         covariance: Covariance of its unknowns, shape (unknowns, unknowns).
         event_errors: What the model with all findings leaves of the events of the recordings in question.
+        touches: Stretches that were left out of every fit since nothing steady explains what a first model
+            left of them, by the clock of the sessions.
     """
 
     diagnosis: Diagnosis
@@ -109,6 +113,7 @@ class DiagnosisOutcome:
     fitted: Nuisances | None = None
     covariance: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     event_errors: tuple[EventErrors, ...] = ()
+    touches: tuple[Disturbance, ...] = ()
 
 
 def diagnose(
@@ -132,33 +137,27 @@ def diagnose(
         notes: What was noticed of the recordings.
         effects: Effects to try; all when left out.
         advance: Is called with what is being done.
-        keep: Is called with what is known before anything is looked for.
+        keep: Is called with what is known before anything is looked for; again if touches were found.
     """
-    assembled = assemble(model, sessions, executor, effects, advance)
-    keep(assembled)
-    return conclude(assembled, fast=model.fast, seed=seed, notes=notes, advance=advance)
 
+    def chosen(seen: Sequence[Session]) -> tuple[Assembled, Search, Decision]:
+        assembled = assemble(model, seen, executor, effects, advance)
+        keep(assembled)
+        advance("fitting")
+        search = begin(assembled.evidence, seed, fast=model.fast, advance=lambda _: advance("fitting"))
+        return assembled, search, decide(search)
 
-def conclude(
-    assembled: "Assembled",
-    *,
-    fast: bool,
-    seed: int = 0,
-    notes: Sequence[str] = (),
-    advance: Callable[[str], None] = lambda _: None,
-) -> DiagnosisOutcome:
-    """Choose effects and report them; see ``diagnose`` and ``begin``."""
-    advance("fitting")
-    search = begin(assembled.evidence, seed, fast=fast, advance=lambda _: advance("fitting"))
-    decision = decide(search)
+    assembled, search, decision = chosen(sessions)
     advance("judging")
+    touches = find_touches(search, decision.choice.fit, model.specimen)
+    if touches:
+        assembled, search, decision = chosen([without_touches(session, touches) for session in sessions])
+        advance("judging")
     notes = (*notes, *assembled.notes, *_notes(search))
     if decision.dropped:
-        notes = (
-            *notes,
-            f"Fitted, but not proven and so not reported: {', '.join(decision.dropped)}.",
-        )
-    return _outcome(search, decision, assembled, notes)
+        dropped = ", ".join(decision.dropped)
+        notes = (*notes, f"Fitted, but not proven and so not reported: {dropped}.")
+    return replace(_outcome(search, decision, assembled, notes), touches=touches)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,7 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.innovations import learnt_coefficients
 from softarm.estimator.diagnosis.stage import Stage
-from softarm.estimator.intake.events import LARGE, least_sizes
+from softarm.estimator.intake.unsteady import LARGE, least_sizes
 from softarm.estimator.series import inside
 
 LEAST_SEEN = 0.5

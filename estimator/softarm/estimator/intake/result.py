@@ -77,6 +77,17 @@ class Disturbance:
     probability: float
     equivalent: tuple[int, float] | None = None
 
+    def joined(self, other: "Disturbance") -> "Disturbance":
+        """Return this event and another of the same recording as one, which is like the larger of them."""
+        larger = max(self, other, key=lambda one: (one.size_rad, one.size_m))
+        return replace(
+            larger,
+            interval=(min(self.interval[0], other.interval[0]), max(self.interval[1], other.interval[1])),
+            channels=tuple(dict.fromkeys((*self.channels, *other.channels))),
+            size_m=max(self.size_m, other.size_m),
+            probability=max(self.probability, other.probability),
+        )
+
     @property
     def statement(self) -> str:
         """When, where, how large and what would do the same, one sentence."""

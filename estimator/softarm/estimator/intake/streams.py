@@ -4,9 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.recording import BEND_SUFFIXES, MARKER_SUFFIXES, POSE_SUFFIXES, Recording
 from softarm.estimator.rotations import from_quaternions, log, mean_rotation
 from softarm.estimator.specimen import Specimen
@@ -40,15 +39,24 @@ class SampledStream:
     units: tuple[str, ...]
 
     @property
-    def moving(self) -> NDArray[np.bool_]:
+    def moving(self) -> Flags:
         """Which values move by more than a sensor at rest, shape (size,)."""
-        if not np.isfinite(self.values).any():
-            return np.zeros(len(self.units), dtype=bool)
-        valid = np.asarray(np.isfinite(self.values).any(axis=0))
-        low, high = np.nanpercentile(self.values[:, valid], SPREAD, axis=0)
-        moving = valid.copy()
-        moving[valid] = (high - low) > np.array([QUIET[unit] for unit in self.units])[valid]
-        return moving
+        return moving_columns(self.values, self.units)
+
+
+def moving_columns(values: Floats, units: Sequence[str]) -> Flags:
+    """Return which columns move by more than a sensor at rest, shape (columns,).
+
+    Args:
+        values: NaN where lost, shape (samples, columns).
+        units: Unit of each column.
+    """
+    read = np.asarray(np.isfinite(values).any(axis=0))
+    moving = read.copy()
+    if read.any():
+        low, high = np.nanpercentile(values[:, read], SPREAD, axis=0)
+        moving[read] = (high - low) > np.array([QUIET[unit] for unit in units])[read]
+    return moving
 
 
 def streams_of(recording: Recording, specimen: Specimen) -> tuple[SampledStream, ...]:

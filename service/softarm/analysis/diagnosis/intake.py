@@ -71,6 +71,46 @@ def _required(intake: Intake) -> Intake:
     )
 
 
+def with_touches(
+    intakes: Sequence[Intake], nominal: Sequence[Recording], touches: Sequence[Disturbance]
+) -> tuple[tuple[Intake, ...], tuple[Disturbance, ...]]:
+    """Add what a diagnosed model found to the events of the intake.
+
+    Args:
+        intakes: Of the recordings in question.
+        nominal: Nominal recordings.
+        touches: Events of all of them, by the clock of the diagnosis, which goes on between recordings.
+
+    Returns:
+        The intakes with their events, and the events of nominal recordings, all by the recordings' own time.
+    """
+    starts = {one.name: one.start for one in (*nominal, *(intake.recording for intake in intakes))}
+    own: dict[str, list[Disturbance]] = {}
+    for touch in touches:
+        begin, end = (moment - starts[touch.recording] for moment in touch.interval)
+        own.setdefault(touch.recording, []).append(replace(touch, interval=(begin, end)))
+    added = tuple(
+        replace(
+            intake,
+            events=_joined([*intake.events, *events]),
+            excluded=(*intake.excluded, *(event.interval for event in events)),
+        )
+        for intake in intakes
+        for events in [own.pop(intake.recording.name, [])]
+    )
+    return added, tuple(touch for events in own.values() for touch in events)
+
+
+def _joined(events: Sequence[Disturbance]) -> tuple[Disturbance, ...]:
+    """Make one of events that overlap: the model sees more of what the intake saw in part."""
+    found: list[Disturbance] = []
+    for event in sorted(events, key=lambda one: one.interval):
+        if found and event.interval[0] < found[-1].interval[1]:
+            event = found.pop().joined(event)
+        found.append(event)
+    return tuple(found)
+
+
 def with_intakes(
     diagnosis: Diagnosis,
     intakes: Sequence[Intake],

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from softarm.analysis.diagnosis.intake import take_all_in, with_intakes
+from softarm.analysis.diagnosis.intake import take_all_in, with_intakes, with_touches
 from softarm.analysis.diagnosis.models import finite_element_model, rod_model
 from softarm.analysis.offline.inputs import distinct_names
 from softarm.common.rods import QUICK, fitted_rod, known_rod, trusted
@@ -156,9 +156,9 @@ def run(
         model, sessions, executor, seed=request.seed, notes=notes, effects=effects, advance=advance, keep=keep
     )
     beyond = outcome.fitted.beyond_prior if outcome.fitted is not None else ()
-    diagnosis = with_intakes(
-        with_valves(outcome.diagnosis, faults), intakes, (*found, *beyond), outcome.event_errors
-    )
+    intakes, known_touches = with_touches(intakes, admitted.nominal, outcome.touches)
+    found = (*found, *(touch.statement for touch in known_touches), *beyond)
+    diagnosis = with_intakes(with_valves(outcome.diagnosis, faults), intakes, found, outcome.event_errors)
     diagnosis = replace(diagnosis, seconds=time.monotonic() - began)
     return replace(outcome, diagnosis=diagnosis)
 
