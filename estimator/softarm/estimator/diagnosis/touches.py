@@ -55,8 +55,25 @@ def find_touches(search: Search, fit: Fit | None, specimen: Specimen) -> tuple[D
     return tuple(
         touch
         for stage, own, usual in zip(search.evidence.stages, found, known, strict=True)
-        for touch in touches_of(stage, usual if stage.session.nominal else own, specimen)
+        for touch in touches_of(
+            stage, usual if stage.session.nominal else _out_of_reach(search, stage, fit, own), specimen
+        )
     )
+
+
+def _out_of_reach(search: Search, stage: Stage, fit: Fit | None, residual: Floats) -> Floats:
+    """Return a residual without the samples at which walls and cords that were found act on the arm.
+
+    What the model gets wrong of them comes and goes as a hand does.
+    """
+    acting = (
+        [] if fit is None else [k for k, h in enumerate(fit.hypotheses) if h.effect.responds_to_own_effect]
+    )
+    if fit is None or not acting:
+        return residual
+    least = np.array([LEAST[unit] for unit in stage.suite.units])
+    reached = np.any(np.abs(search.change(stage, fit.selected(acting))) > least, axis=1)
+    return np.where(reached.reshape(-1, 1), np.nan, residual)
 
 
 def touches_of(stage: Stage, residual: Floats, specimen: Specimen) -> tuple[Disturbance, ...]:
