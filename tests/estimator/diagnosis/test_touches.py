@@ -1,6 +1,8 @@
 """A hand among random poses, in which the intake cannot see it, and what the model leaves of it."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -8,7 +10,8 @@ import pytest
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, diagnose
 from softarm.estimator.diagnosis.session import Session
-from softarm.estimator.diagnosis.touches import without_touches
+from softarm.estimator.diagnosis.touches import out_of_reach, without_touches
+from softarm.estimator.effects import EFFECTS
 from softarm.estimator.intake import Disturbance
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import Concealed, model, trial
@@ -83,3 +86,19 @@ def test_readings_of_a_touch_are_kept_where_no_fit_sees_them() -> None:
     assert np.array_equal(np.isfinite(cut.event_readings), np.isnan(cut.readings))
     assert np.array_equal(cut.with_events.readings, trial([])[QUESTIONED].readings)
     assert without_touches(session, []) is session
+
+
+@pytest.mark.parametrize(("effect", "hidden"), [("contact_obstacle", True), ("chamber_gain", False)])
+def test_where_a_wall_pushes_its_own_error_is_no_touch(effect: str, hidden: bool) -> None:
+    residual = np.ones((6, 2))
+    push = np.zeros((6, 2))
+    push[2:4, 1] = np.radians(5.0)
+    push[5, 0] = np.radians(1.0)  # too little to matter
+    fit: Any = SimpleNamespace(
+        hypotheses=(SimpleNamespace(effect=EFFECTS[effect]),), selected=lambda kept: list(kept)
+    )
+    search: Any = SimpleNamespace(change=lambda stage, fit: push)
+    stage: Any = SimpleNamespace(suite=SimpleNamespace(units=("rad", "rad")))
+    left = out_of_reach(search, stage, fit, residual)
+    assert np.array_equal(np.flatnonzero(np.isnan(left).all(axis=1)), [2, 3] if hidden else [])
+    assert np.array_equal(out_of_reach(search, stage, None, residual), residual)

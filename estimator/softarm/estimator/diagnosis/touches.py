@@ -56,12 +56,12 @@ def find_touches(search: Search, fit: Fit | None, specimen: Specimen) -> tuple[D
         touch
         for stage, own, usual in zip(search.evidence.stages, found, known, strict=True)
         for touch in touches_of(
-            stage, usual if stage.session.nominal else _out_of_reach(search, stage, fit, own), specimen
+            stage, usual if stage.session.nominal else out_of_reach(search, stage, fit, own), specimen
         )
     )
 
 
-def _out_of_reach(search: Search, stage: Stage, fit: Fit | None, residual: Floats) -> Floats:
+def out_of_reach(search: Search, stage: Stage, fit: Fit | None, residual: Floats) -> Floats:
     """Return a residual without the samples at which walls and cords that were found act on the arm.
 
     What the model gets wrong of them comes and goes as a hand does.
