@@ -145,14 +145,14 @@ def diagnose(
         keep(assembled)
         advance("fitting")
         search = begin(assembled.evidence, seed, fast=model.fast, advance=lambda _: advance("fitting"))
-        return assembled, search, decide(search)
+        decision = decide(search)
+        advance("judging")
+        return assembled, search, decision
 
     assembled, search, decision = chosen(sessions)
-    advance("judging")
     touches = find_touches(search, decision.choice.fit, model.specimen)
     if touches:
         assembled, search, decision = chosen([without_touches(session, touches) for session in sessions])
-        advance("judging")
     notes = (*notes, *assembled.notes, *_notes(search))
     if decision.dropped:
         dropped = ", ".join(decision.dropped)

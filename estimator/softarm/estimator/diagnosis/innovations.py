@@ -33,6 +33,22 @@ def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[
     ]
 
 
+def residuals_as_known(search: Search, fit: Fit | None) -> list[Floats]:
+    """Compute what the calibrated model leaves of nominal recordings, and with all findings of the others.
+
+    Returns:
+        Of each session, shape (samples, rows).
+    """
+    learnt = learnt_coefficients(search, fit)
+    evidence = search.evidence
+    return [
+        residual - columns @ (search.prior.mean if stage.session.nominal else learnt)
+        for stage, residual, columns in zip(
+            evidence.stages, search.residuals(fit), evidence.columns, strict=True
+        )
+    ]
+
+
 def worst_over_nominal(search: Search, fit: Fit | None) -> float:
     """Return the error of the worst stretch in question over that of the worst nominal one.
 
@@ -41,12 +57,10 @@ def worst_over_nominal(search: Search, fit: Fit | None) -> float:
     wall that buckles once is a small part of all recordings, and an error of many degrees. Stretches for the
     report decide nothing. Without nominal recordings it is 0.
     """
-    found = residuals_of(search, fit, learnt_coefficients(search, fit))
-    usual = residuals_of(search, None, search.prior.mean)
     worst = {True: 0.0, False: 0.0}
-    for stage, own, known in zip(search.evidence.stages, found, usual, strict=True):
+    for stage, residual in zip(search.evidence.stages, residuals_as_known(search, fit), strict=True):
         session = stage.session
-        errors = (known if session.nominal else own) / _assumed(search, stage)
+        errors = residual / _assumed(search, stage)
         for block in np.unique(session.blocks[~session.reported]):
             largest = float(_rms(errors[session.blocks == block]).max())
             worst[session.nominal] = max(worst[session.nominal], largest)

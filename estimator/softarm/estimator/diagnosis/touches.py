@@ -10,10 +10,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats, Indices
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.innovations import learnt_coefficients, residuals_of
+from softarm.estimator.diagnosis.innovations import residuals_as_known
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.intake import Disturbance
@@ -23,15 +23,16 @@ from softarm.estimator.intake.provoked import slopes_of
 from softarm.estimator.intake.streams import moving_columns
 from softarm.estimator.intake.unsteady import (
     LEAST,
-    MEDIAN_SQUARE,
     SHORTEST,
     law_errors,
     least_sizes,
+    ranges_of,
     window_of,
 )
 from softarm.estimator.sensing import Bend
-from softarm.estimator.series import inside, window_means
+from softarm.estimator.series import inside
 from softarm.estimator.specimen import Specimen
+from softarm.estimator.statistics import MAD_TO_STD
 
 SIZES = (1.0, 3.0, 10.0)
 """Standard deviations of a touch over the least that moves a fit, equally probable: 2 to 20 degrees."""
@@ -50,26 +51,22 @@ def find_touches(search: Search, fit: Fit | None, specimen: Specimen) -> tuple[D
     Returns:
         What was found, by the clock of the sessions.
     """
-    found = residuals_of(search, fit, learnt_coefficients(search, fit))
-    known = residuals_of(search, None, search.prior.mean)
     return tuple(
         touch
-        for stage, own, usual in zip(search.evidence.stages, found, known, strict=True)
-        for touch in touches_of(
-            stage, usual if stage.session.nominal else out_of_reach(search, stage, fit, own), specimen
-        )
+        for stage, residual in zip(search.evidence.stages, residuals_as_known(search, fit), strict=True)
+        for touch in touches_of(stage, out_of_reach(search, stage, fit, residual), specimen)
     )
 
 
 def out_of_reach(search: Search, stage: Stage, fit: Fit | None, residual: Floats) -> Floats:
     """Return a residual without the samples at which walls and cords that were found act on the arm.
 
-    What the model gets wrong of them comes and goes as a hand does.
+    What the model gets wrong of them comes and goes as a hand does. Nominal recordings have none of them.
     """
-    acting = (
-        [] if fit is None else [k for k, h in enumerate(fit.hypotheses) if h.effect.responds_to_own_effect]
-    )
-    if fit is None or not acting:
+    if fit is None or stage.session.nominal:
+        return residual
+    acting = [k for k, h in enumerate(fit.hypotheses) if h.effect.responds_to_own_effect]
+    if not acting:
         return residual
     least = np.array([LEAST[unit] for unit in stage.suite.units])
     reached = np.any(np.abs(search.change(stage, fit.selected(acting))) > least, axis=1)
@@ -91,12 +88,17 @@ def touches_of(stage: Stage, residual: Floats, specimen: Specimen) -> tuple[Dist
     streams = stage.suite.measurements
     numbers = np.repeat(np.arange(len(streams)), [measurement.size for measurement in streams])[rows]
     units = tuple(unit for unit, moves in zip(stage.suite.units, rows, strict=True) if moves)
-    left, motions = (_windows(session, values[:, rows], numbers, units) for values in (residual, motion))
-    ranges = np.ptp(np.nanpercentile(motion[:, rows], [2.0, 98.0], axis=0), axis=0)
+    step = max(window_of(session.seconds), session.step)
+
+    def windows(values: Floats) -> Grid:
+        return Grid.of(session.clock, session.pressures, values[:, rows], step, numbers, units)
+
+    left = windows(residual)
+    ranges = ranges_of(motion[:, rows])
     if not (np.abs(left.values) > least_sizes(units, ranges)).any():
         return ()
     least = np.array([LEAST[unit] for unit in units])
-    usual = float(np.sqrt(np.nanmedian((left.values / least) ** 2, axis=0).max() / MEDIAN_SQUARE))
+    usual = MAD_TO_STD * float(np.nanmedian(np.abs(left.values / least), axis=0).max())
     everywhere = np.ones(len(left.time), dtype=bool)
     fit = law_errors(left, everywhere, spreads=usual * least, sizes=tuple(size / usual for size in SIZES))
     if fit is None:
@@ -108,7 +110,7 @@ def touches_of(stage: Stage, residual: Floats, specimen: Specimen) -> tuple[Dist
         ranges,
         _levers(stage, specimen)[rows],
         tuple(range(session.pressures.shape[1])),
-        slopes_of(motions),
+        slopes_of(windows(motion)),
     )
     return disturbances(fit, fit.chances(), watched)
 
@@ -135,23 +137,3 @@ def _levers(stage: Stage, specimen: Specimen) -> Floats:
             section = specimen.sections[measurement.section]
             levers[stage.suite.slices[measurement.name]] = tip_lever(specimen, section) * np.eye(2)
     return levers
-
-
-def _windows(session: Session, values: Floats, numbers: Indices, units: tuple[str, ...]) -> Grid:
-    """Average columns over even windows of time.
-
-    Args:
-        session: Where they are from.
-        values: Shape (samples, columns).
-        numbers: Number of the sensor of each column.
-        units: Unit of each.
-    """
-    step = max(window_of(session.seconds), session.step)
-    windows = ((session.clock - session.clock[0]) / step + 1e-9).astype(np.int64)
-    count = int(windows[-1]) + 1
-    time = session.clock[0] + (np.arange(count) + 0.5) * step
-    pressures = window_means(session.pressures, windows, count)
-    filled = np.column_stack(
-        [np.interp(time, time[np.isfinite(own)], own[np.isfinite(own)]) for own in pressures.T]
-    )
-    return Grid(time, step, filled, window_means(values, windows, count), numbers, units)

@@ -61,7 +61,8 @@ def _disturbance(
 ) -> Disturbance | None:
     """Describe a stretch; ``None`` where it is too small to move a fit."""
     during = (fit.seconds >= begin) & (fit.seconds < end)
-    grid, sizes, usual = fit.grid, fit.sizes(begin, end), fit.usual
+    grid, usual = fit.grid, fit.usual
+    sizes = np.percentile(np.abs(fit.errors[during]), LARGE, axis=0)
     enough = sizes > least_sizes(grid.units, watched.ranges)
     probable = np.isin(grid.stream, fit.numbers[chances[:, begin:end].max(axis=1) > PROBABLE])
     if not (enough & probable).any():

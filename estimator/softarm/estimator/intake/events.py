@@ -22,6 +22,7 @@ from softarm.estimator.intake.unsteady import (
     HeldOutErrors,
     law_errors,
     least_sizes,
+    ranges_of,
     window_of,
 )
 from softarm.estimator.recording import Recording
@@ -85,7 +86,7 @@ def _touches(recording: Recording, streams: tuple[SampledStream, ...]) -> Touche
     """Find the stretches between motions that nothing provoked, of each moving stream."""
     fine = grid_of(recording, streams, FINEST)
     motion = unprovoked_motion(fine)
-    ranges = np.ptp(np.nanpercentile(fine.values, [2.0, 98.0], axis=0), axis=0)
+    ranges = ranges_of(fine.values)
     large = motion.excess > least_sizes(fine.units, ranges)
     large &= ~_near(_pulled(recording, fine)[: len(large)], round(2.0 / FINEST))[:, None]
     numbers = [int(k) for k in np.unique(fine.stream)]
@@ -175,7 +176,7 @@ def _watched(
         recording.name,
         (float(recording.time[0]), float(recording.time[-1])),
         tuple(stream.name for stream in streams),
-        np.ptp(np.percentile(grid.values[fit.rows], [2.0, 98.0], axis=0), axis=0),
+        ranges_of(grid.values[fit.rows]),
         levers,
         recording.chambers,
         slopes_of(grid),

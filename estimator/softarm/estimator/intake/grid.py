@@ -39,6 +39,31 @@ class Grid:
     stream: NDArray[np.int64]
     units: tuple[str, ...]
 
+    @staticmethod
+    def of(
+        clock: Floats,
+        pressures: Floats,
+        values: Floats,
+        step: float,
+        stream: NDArray[np.int64],
+        units: tuple[str, ...],
+    ) -> "Grid":
+        """Average samples over windows of ``step`` seconds; windows without a pressure are bridged.
+
+        Args:
+            clock: Time of each sample [s], shape (samples,).
+            pressures: Of the chambers [Pa], shape (samples, chambers).
+            values: NaN where lost, shape (samples, values).
+            step: Length of a window [s].
+            stream: Index of the stream of each value, shape (values,).
+            units: Unit of each value.
+        """
+        windows = np.floor((clock - clock[0]) / step + 1e-9).astype(np.int64)
+        count = int(windows[-1]) + 1
+        time = clock[0] + (np.arange(count) + 0.5) * step
+        filled = _filled(window_means(pressures, windows, count))
+        return Grid(time, step, filled, window_means(values, windows, count), stream, units)
+
 
 def pressures_of(recording: Recording) -> Floats:
     """Stack the pressures of the recorded chambers [Pa], short losses bridged, shape (samples, chambers)."""
@@ -73,11 +98,8 @@ def grid_of(recording: Recording, streams: tuple[SampledStream, ...], step: floa
         streams: Its motion.
         step: Length of a window [s].
     """
-    edges = np.floor((recording.time - recording.time[0]) / step + 1e-9).astype(np.int64)
-    count = int(edges[-1]) + 1
     moving = [stream.moving for stream in streams]
     none = np.zeros((len(recording.time), 0))
-    time = recording.time[0] + (np.arange(count) + 0.5) * step
     values = np.column_stack([none, *(s.values[:, flags] for s, flags in zip(streams, moving, strict=True))])
     numbers = [np.full(int(flags.sum()), k) for k, flags in enumerate(moving)]
     units = [
@@ -86,16 +108,10 @@ def grid_of(recording: Recording, streams: tuple[SampledStream, ...], step: floa
         for unit, keep in zip(s.units, flags, strict=True)
         if keep
     ]
-    means = window_means(values, edges, count)
-    means[without_pressure(recording, time)] = np.nan
-    return Grid(
-        time,
-        step,
-        _filled(window_means(pressures_of(recording), edges, count)),
-        means,
-        np.concatenate([*numbers, np.zeros(0, dtype=np.int64)]).astype(np.int64),
-        tuple(units),
-    )
+    stream = np.concatenate([*numbers, np.zeros(0, dtype=np.int64)]).astype(np.int64)
+    grid = Grid.of(recording.time, pressures_of(recording), values, step, stream, tuple(units))
+    grid.values[without_pressure(recording, grid.time)] = np.nan
+    return grid
 
 
 def without_pressure(recording: Recording, time: Floats) -> Flags:

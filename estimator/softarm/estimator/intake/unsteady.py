@@ -29,6 +29,7 @@ from softarm.estimator.intake.law import (
     stretch_left_out,
 )
 from softarm.estimator.series import joined
+from softarm.estimator.statistics import MAD_TO_STD
 
 SHORTEST = 20.0
 """Shorter recordings [s] hold too little of any law to tell an event from it."""
@@ -55,8 +56,6 @@ LEAST_SHARE = 0.08
 """So do events below this share of the range of a value."""
 LARGE = 90.0
 """Percentile of the errors within a stretch that counts as its size."""
-MEDIAN_SQUARE = 0.455
-"""Median of the square of a standard normal number."""
 GUARD = 0.5
 """What is left out on either side of an event [s]."""
 NEAR = 2.0
@@ -101,7 +100,7 @@ class HeldOutErrors:
     @property
     def usual(self) -> Floats:
         """Root mean square of the law's errors outside of events, shape (values,)."""
-        usual: Floats = np.sqrt(np.median(self.errors**2, axis=0) / MEDIAN_SQUARE)
+        usual: Floats = MAD_TO_STD * np.median(np.abs(self.errors), axis=0)
         return usual
 
     def chances(self) -> Floats:
@@ -116,16 +115,16 @@ class HeldOutErrors:
                 chances[:, first:beyond] = 0.0
         return chances
 
-    def sizes(self, begin: int, end: int) -> Floats:
-        """Return how large the errors are from one second to another, shape (values,)."""
-        during = (self.seconds >= begin) & (self.seconds < end)
-        sizes: Floats = np.percentile(np.abs(self.errors[during]), LARGE, axis=0)
-        return sizes
-
 
 def window_of(seconds: float) -> float:
     """Return the length [s] of the windows in which a recording of some seconds is compared with a law."""
     return max(FINEST, seconds / MOST)
+
+
+def ranges_of(values: Floats) -> Floats:
+    """Return the range of columns, shape (columns,), without the outermost samples; NaN where lost."""
+    ranges: Floats = np.ptp(np.nanpercentile(values, [2.0, 98.0], axis=0), axis=0)
+    return ranges
 
 
 def least_sizes(units: Sequence[str], ranges: Floats) -> Floats:
@@ -236,7 +235,7 @@ def _robust(
 
 def _ordinary(values: Floats, seconds: Indices) -> Floats:
     """Weigh each row by how usual it is among what a model leaves, before any law of it is known."""
-    variances = np.median(values**2, axis=0) / MEDIAN_SQUARE + LAW_ERROR**2
+    variances = (MAD_TO_STD * np.median(np.abs(values), axis=0)) ** 2 + LAW_ERROR**2
     return _weights(
         _by_second(np.mean(values**2 / variances, axis=1), seconds)[seconds], np.ones(len(seconds))
     )
