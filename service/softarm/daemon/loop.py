@@ -159,8 +159,7 @@ class ControlLoop:
         self._announce_ready()
         # The set-point first: nothing below may delay what the valves wait for.
         self.safety.advance(now_ns, (1 + tick.missed) / self._setup.config.control.rate_hz)
-        # Packets of the leading device start the estimates (`_on_packet`); this is for when they stop.
-        self.estimates.submit(now_ns, after_ticks=1.5)
+        self.estimates.on_tick(now_ns)
         self.safety.check(now_ns, self._clocks.unix_ns())
         self._streams.commanded(self.controller.setpoint.tolist(), now_ns)
         if now_ns - self._published_ns >= STATE_EVERY_NS:
@@ -206,8 +205,7 @@ class ControlLoop:
 
     def _on_packet(self) -> None:
         """Start an estimate as soon as a packet of the leading device is complete."""
-        # Half a tick: packets that jitter at the rate of the loop each start one, faster ones not all.
-        self.estimates.submit(self._clocks.monotonic_ns(), after_ticks=0.5)
+        self.estimates.on_packet(self._clocks.monotonic_ns())
 
     def _on_transition(self, transition: Transition) -> None:
         self.estimator_state.wake()  # a command that waits for a hold must see that there will be none

@@ -198,6 +198,29 @@ async def test_a_complete_packet_starts_an_estimate_without_waiting_for_a_tick(a
     assert len(arm.loop.estimates.process.requests) == before + 1
 
 
+@pytest.mark.parametrize(("age_ticks", "requested"), [(0.3, True), (0.4, False), (1.4, False), (1.6, True)])
+async def test_a_process_that_becomes_free_waits_for_a_packet_that_is_due(
+    arm, monkeypatch, age_ticks, requested
+):
+    arm.step(2)
+    waiting = []
+    monkeypatch.setattr(arm.loop.estimates.process, "submit", waiting.append)
+    arm.now_ns += TICK_NS
+    arm.instruments.read()
+    arm.now_ns += round(age_ticks * TICK_NS)
+    assert (waiting[-1]() is not None) is requested
+
+
+async def test_nothing_waits_for_packets_that_come_more_slowly_than_ticks(arm, monkeypatch):
+    waiting = []
+    monkeypatch.setattr(arm.loop.estimates.process, "submit", waiting.append)
+    for _ in range(2):
+        arm.now_ns += 3 * TICK_NS
+        arm.instruments.read()
+    arm.now_ns += 2 * TICK_NS
+    assert waiting[-1]() is not None
+
+
 @pytest.mark.parametrize(
     ("verbs", "mode"),
     [

@@ -16,12 +16,22 @@ from softarm.daemon.safety.modes import Mode
 from softarm.daemon.safety.observation import EstimatorHealth
 
 SHAPE_RATE_HZ = 10.0
+OWN_TICK, NO_PACKET = 0.5, 1.5
+"""Ticks after an estimate was started from which a packet starts the next one, and a tick does where no packet
+has: packets that jitter at the rate of the loop each start one, faster ones not all."""
+OLD = 1.0 / 3.0
+"""Age of a packet, in intervals between packets T, from which it is better to wait for the next one.
+
+Where estimates take S and start at age a, what is known is on average a + S + L/2 old, with L from one start to
+the next. To wait makes a zero and L longer by T - a, which is less if a > T/3 (Y. Sun et al., Update or Wait,
+IEEE Trans. Inf. Theory 63 (2017) 7492).
+"""
 CONTACT_EVERY_NS = 2_000_000_000
 """Time between two requests to locate a contact, which takes the estimator a few solves more."""
 
 
 class Estimates:
-    """Starts estimates from the newest readings, one tick apart at least, and takes their results.
+    """Starts estimates from the newest readings and takes their results.
 
     Args:
         setup: Rate, deadlines and gravity.
@@ -51,22 +61,34 @@ class Estimates:
         self._estimator_state = estimator_state
         self._reporter = reporter
         self._clocks = surroundings.clocks
-        self._rate_hz = setup.config.control.rate_hz
+        self._tick_ns = 1e9 / setup.config.control.rate_hz
         self._deadline_s = setup.config.safety.estimator_deadline_s
         self._chambers = len(setup.specimen.chambers)
         self._gravity = np.array(setup.specimen.gravity_m_s2)
         self._submitted_ns = self._placed_ns = self._drawn_ns = 0
+        self._packet_ns = self._interval_ns = 0
         self._last_result_ns: int | None = None
         self._ready_ns: int | None = None
 
-    def submit(self, now_ns: int, after_ticks: float) -> None:
-        """Start an estimate of the newest readings, unless one was started less than some ticks ago.
+    def on_packet(self, now_ns: int) -> None:
+        """Start an estimate: a packet of the leading device is complete.
 
         Args:
             now_ns: Monotonic time.
-            after_ticks: Least distance from the last one, in ticks of the loop.
         """
-        if (now_ns - self._submitted_ns) * 1e-9 < after_ticks / self._rate_hz:
+        self._interval_ns, self._packet_ns = now_ns - self._packet_ns, now_ns
+        self._submit(now_ns, OWN_TICK)
+
+    def on_tick(self, now_ns: int) -> None:
+        """Start an estimate if packets have not: when they stop, or come more slowly than the ticks.
+
+        Args:
+            now_ns: Monotonic time.
+        """
+        self._submit(now_ns, NO_PACKET)
+
+    def _submit(self, now_ns: int, after_ticks: float) -> None:
+        if now_ns - self._submitted_ns < after_ticks * self._tick_ns:
             return
         self._submitted_ns = now_ns
         self.process.submit(self._request)  # made when the process is free, from the readings by then
@@ -75,7 +97,7 @@ class Estimates:
         """Request an estimate of the newest readings, when the process is free for it."""
         now_ns = self._clocks.monotonic_ns()
         snapshot = self._readings.snapshot(now_ns)
-        if not snapshot.used:
+        if not snapshot.used or self._better_waits(now_ns - snapshot.newest_arrival_ns):
             return None
         controller = self._controller
         return EstimationRequest(
@@ -92,6 +114,11 @@ class Estimates:
             tare=self._estimator_state.tare,
             want_mesh=self._shape_due(now_ns),
         )
+
+    def _better_waits(self, age_ns: int) -> bool:
+        """Return whether readings are so old that the next packet, which is due soon, is worth the wait."""
+        each_tick = self._interval_ns < NO_PACKET * self._tick_ns
+        return each_tick and OLD * self._interval_ns < age_ns < NO_PACKET * self._interval_ns
 
     def _pressures(self, now_ns: int) -> NDArray[np.float64]:
         """Return the measured pressures [Pa], NaN when they are stale, shape (chambers,).

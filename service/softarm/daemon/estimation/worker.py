@@ -42,7 +42,7 @@ class BuiltSolver:
         solve: Answers requests.
         report: What the parent receives once, before the first result.
         finish: Called after each answer has been sent, for what need not be in it.
-        prepare: Called when no request has come for a moment after that, for what makes the next one faster.
+        prepare: Called after that unless the next request has come already, for what makes that one faster.
     """
 
     solve: Solver
@@ -60,8 +60,6 @@ STUCK_S = 5.0
 """A request that takes longer is given up, and the process with it."""
 SWITCH_S = 2e-4
 """A solver's own threads hold the interpreter's lock no longer while a request waits for it."""
-REST_S = 2e-3
-"""Pause after an answer, in which it is published and received: to prepare then would take a core from it."""
 _LENGTH = struct.Struct("<Q")
 _CHUNK = 1 << 16
 
@@ -127,7 +125,7 @@ def _serve(requests: Connection, results: Connection, factory: SolverFactory, ni
             signal.setitimer(signal.ITIMER_REAL, 0.9 * STUCK_S)  # just before the parent kills it
             _write(results, built.solve(request))
             built.finish()
-            if not requests.poll(REST_S):
+            if not requests.poll():
                 built.prepare()
             signal.setitimer(signal.ITIMER_REAL, 0.0)
     except (EOFError, BrokenPipeError):
