@@ -17,14 +17,14 @@ from softarm.daemon.safety.observation import EstimatorHealth
 
 SHAPE_RATE_HZ = 10.0
 OWN_TICK, NO_PACKET = 0.5, 1.5
-"""Ticks after an estimate was started from which a packet starts the next one, and a tick does where no packet
-has: packets that jitter at the rate of the loop each start one, faster ones not all."""
+"""Ticks after an estimate was started from which a packet starts the next one, and from which a tick does
+where no packet has: packets that jitter at the rate of the loop each start one, faster ones not all."""
 OLD = 1.0 / 3.0
 """Age of a packet, in intervals between packets T, from which it is better to wait for the next one.
 
-Where estimates take S and start at age a, what is known is on average a + S + L/2 old, with L from one start to
-the next. To wait makes a zero and L longer by T - a, which is less if a > T/3 (Y. Sun et al., Update or Wait,
-IEEE Trans. Inf. Theory 63 (2017) 7492).
+Where estimates take S and start at age a, what is known is on average a + S + L/2 old, with L from one start
+to the next. To wait makes a zero and L longer by T - a, which is less if a > T/3 (Y. Sun et al., Update or
+Wait, IEEE Trans. Inf. Theory 63 (2017) 7492).
 """
 CONTACT_EVERY_NS = 2_000_000_000
 """Time between two requests to locate a contact, which takes the estimator a few solves more."""
