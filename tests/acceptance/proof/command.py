@@ -12,6 +12,7 @@ from acceptance.proof.cost import cost_table
 from acceptance.proof.force import force_table
 from acceptance.proof.schedule import SealedTrial, schedule
 from acceptance.proof.sensitivity import sensitivity_table
+from acceptance.proof.swing import swing_table
 from acceptance.proof.touches import touches_table
 from acceptance.proof.trial import Folders, forget, lay_out, name_of, record
 from softarm.bench.diagnosis import jobs_option
@@ -26,8 +27,8 @@ from softarm.common.tables import Table
 
 MOTIONS = ("designed", "ordinary")
 PARTS = ("trials", "alternatives", "force", "cost")
-ON_KEPT = ("touches", "sensitivity")
-"""Parts on all trials that were kept."""
+ON_REQUEST = ("swing", "touches", "sensitivity")
+"""Parts that are left out unless they are named; the last two are on all trials that were kept."""
 HEAD = """# The proof of the diagnosis
 
 Written by `softarm bench proof --write docs/diagnosis-proof.md`.
@@ -58,9 +59,10 @@ the answers lie in a folder that only the scorer opens.
     "--part",
     "parts",
     multiple=True,
-    type=click.Choice(PARTS + ON_KEPT),
+    type=click.Choice(PARTS + ON_REQUEST),
     default=PARTS,
-    help="What to prove; all but touches and sensitivity, on the trials that --keep kept, when left out.",
+    help="What to prove. When left out: all but swing, and but touches and sensitivity, which are on the "
+    "trials that --keep kept.",
 )
 @click.option(
     "--compared",
@@ -84,7 +86,7 @@ def command(
     quick: bool,
     as_json: bool,
 ) -> int:
-    """Prove the diagnosis on the fake arm: trials, alternatives, forces, cost, touches, sensitivity.
+    """Prove the diagnosis on the fake arm: trials, alternatives, forces, cost, swing, touches, sensitivity.
 
     Example: softarm bench proof --count 40 --write docs/diagnosis-proof.md
     """
@@ -102,6 +104,9 @@ def command(
         tables.append(force_table(folders, say, 1 if quick else compared))
     if "cost" in parts:
         tables.append(cost_table(acting[0], folders, specimen, say))
+    if "swing" in parts:
+        single = [trial for trial in acting if trial.kind == "single"]
+        tables.append(swing_table(single, folders, specimen, say))
     if "touches" in parts:
         tables.append(touches_table(read_trials(folders.trials), folders, say))
     if "sensitivity" in parts:

@@ -199,14 +199,18 @@ def assemble(
         for stage in stages
     )
     masses = Masses.of(model.specimen, model.sections, stages[0].world.segments)
-    vibration, words = fit_vibration([stage for stage in stages if stage.session.nominal] or stages, masses)
+    nominal = [stage for stage in stages if stage.session.nominal]
+    vibration, words = fit_vibration(nominal or stages, masses)
     if vibration is not None:
-        stages = tuple(with_vibration(stage, vibration, masses) for stage in stages)
+        stages = tuple(
+            with_vibration(stage, vibration, masses, other=bool(nominal) and not stage.session.nominal)
+            for stage in stages
+        )
     library = build_library(
         _common_world(stages).world,
         np.concatenate([s.pressures for s in split]),
         effects,
-        compared=any(session.nominal for session in split),
+        compared=bool(nominal),
         drawn=only_drawn(model.specimen, split),
         measured=not any(session.commanded for session in split),
     )

@@ -28,6 +28,11 @@ LEAST_GAIN = 0.05
 SIZES = {"m": 1e-3, "rad": 1e-2}
 BUSIEST = 4
 """Recordings to which it is fitted, those that vibrate most."""
+OTHER_ARM = 2.0
+"""Relative error of the vibration of an arm that has changed, over that of the arm to which it was fitted.
+
+Even with the right effect, of the right size: what else changes, such as the damping, nobody knows.
+"""
 UNHELD = 1e-3
 """Largest load [N, N m] of a section that vibrates freely."""
 AFTER = 1.0
@@ -101,8 +106,15 @@ def fit_vibration(stages: Sequence[Stage], masses: Masses) -> tuple[Vibration | 
     return vibration, (*notes, vibration.sentence())
 
 
-def with_vibration(stage: Stage, vibration: Vibration, masses: Masses) -> Stage:
-    """Return a stage whose model vibrates; the couples that make it do so become part of its drive."""
+def with_vibration(stage: Stage, vibration: Vibration, masses: Masses, *, other: bool = False) -> Stage:
+    """Return a stage whose model vibrates; the couples that make it do so become part of its drive.
+
+    Args:
+        stage: The stage.
+        vibration: How its arm vibrates.
+        masses: Masses that vibrate.
+        other: Whether the arm may have changed since that was fitted; see ``OTHER_ARM``.
+    """
     if stage.session.step > LONGEST_STEP or not _bounded(stage, masses):
         return stage
     theta = np.array([np.log(vibration.mass), *vibration.damping, vibration.delay])
@@ -113,7 +125,8 @@ def with_vibration(stage: Stage, vibration: Vibration, masses: Masses) -> Stage:
     # Poses that it swings through and that no stable equilibrium holds have no first order.
     *_, stable = strain_stiffness(response, stage.arm.segments)
     arm = LinearisedArm(stage.arm.segments, drive, replace(response, converged=stable))
-    error = vibration.relative_error * _envelope(stage, _observed(stage, vibrating))
+    relative = vibration.relative_error * (OTHER_ARM if other else 1.0)
+    error = relative * _envelope(stage, _observed(stage, vibrating))
     error = np.where(_held(stage)[:, None], stage.model_error_std, error)
     vibrations = Vibrations(vibrating, _still(stage), stage.arm)
     return replace(stage, arm=arm, drive=drive, vibrations=vibrations, vibration_error_std=error)

@@ -1,0 +1,143 @@
+"""How well the vibration of an arm that has changed is predicted, beside that of the same arm unchanged."""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from acceptance.proof.schedule import SealedTrial
+from acceptance.proof.sensitivity import products_of_trial
+from acceptance.proof.trial import Folders, lay_out, record
+from acceptance.trial import draw
+from softarm.bench.trials.folders import Trial, read_answer
+from softarm.common.tables import Cell, Table
+from softarm.estimator.arrays import Floats
+from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.diagnose import begin
+from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.gaussian import Marginal
+from softarm.estimator.diagnosis.normal_equations import total
+from softarm.estimator.diagnosis.screen import screen
+from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.vibration import OTHER_ARM, SIZES
+from softarm.estimator.specimen.physics import Place
+from softarm.fakes.plant.generate import generate
+from softarm.fakes.plant.write import write
+
+RUNS = ("run_01", "run_10")
+"""Random holds, hanging and sideways: after every step the arm vibrates."""
+
+
+def swing_table(
+    trials: Sequence[SealedTrial], folders: Folders, specimen: str, say: Callable[[str], None]
+) -> Table:
+    """Compare what is left of the vibration with what is concealed, fitted at its place, and without it.
+
+    Args:
+        trials: One effect is concealed in each.
+        folders: Where the proof works; a run that was ended goes on from what is there.
+        specimen: What the diagnosis is given.
+        say: Tells how far it is.
+    """
+    rows: list[dict[str, Cell]] = []
+    for trial in trials:
+        say(f"{trial.name}: swing")
+        rows += swing_rows(trial, folders, specimen)
+    factors = [float(str(row["over_unchanged"])) for row in rows]
+    note = (
+        "Rms change from sample to sample of what is left, over that of the vibration that the model gives "
+        "the unchanged arm: with what was concealed, fitted at its place, and where nothing was. "
+        f"over_unchanged: the one over the other, median {np.median(factors):.2g}; the diagnosis takes "
+        f"{OTHER_ARM:g}."
+    )
+    return Table("The vibration of arms that have changed", rows, (note,))
+
+
+def swing_rows(trial: SealedTrial, folders: Folders, specimen: str) -> list[dict[str, Cell]]:
+    """Return a row for each of ``RUNS``; none where the effect is one of the sensors."""
+    record(trial, folders)
+    changed = lay_out(trial, "ordinary", folders, specimen)
+    (concealed,) = read_answer(folders.answers, changed.name).concealed
+    search = begin(products_of_trial(changed, folders.root / "products"), fast=True)
+    fit = fitted(search, concealed.effect, concealed.where)
+    if fit is None or fit.hypotheses[0].effect.hook == "sensing":
+        return []
+    unchanged = products_of_trial(
+        unchanged_twin(trial, changed, folders), folders.root / "twins" / "products"
+    )
+    rows: list[dict[str, Cell]] = []
+    for run in RUNS:
+        stage, twin = (
+            next(
+                one for one in evidence.stages if one.session.name.startswith(run) and not one.session.nominal
+            )
+            for evidence in (search.evidence, unchanged)
+        )
+        left = [
+            _size(one, residual) / _size(one, _vibrated(one))
+            for one, residual in ((stage, stage.residual - search.change(stage, fit)), (twin, twin.residual))
+        ]
+        rows.append(
+            {
+                "trial": trial.name,
+                "effect": concealed.effect,
+                "recording": stage.session.name,
+                "changed_percent": 100.0 * left[0],
+                "unchanged_percent": 100.0 * left[1],
+                "over_unchanged": left[0] / left[1],
+            }
+        )
+    return rows
+
+
+def unchanged_twin(trial: SealedTrial, changed: Trial, folders: Folders) -> Trial:
+    """Record ``RUNS`` of the same arm, with the same noise, with nothing concealed in it."""
+    out = folders.root / "twins" / "recordings" / trial.name
+    only = tuple(name for name in trial.only.split("+") if name)
+    for run in draw(trial.seed, trial.kind, only=only).runs:
+        if run.name.startswith(RUNS) and not (out / run.name).exists():
+            plain = replace(run.laboratory, concealed=())
+            write(
+                generate(plain, run.manoeuvre, run.seed),
+                out / run.name,
+                folders.truth(trial) / "twins" / run.name,
+            )
+    return replace(changed, questioned=tuple(sorted(path for path in out.iterdir() if path.is_dir())))
+
+
+def fitted(search: Search, effect: str, where: Mapping[str, Any]) -> Fit | None:
+    """Fit an effect at its place, beginning where the search would; ``None`` where no search knows it."""
+    hypotheses = search.evidence.library.hypotheses
+    numbers = {k for k, one in enumerate(hypotheses) if one.name == effect and _is_at(one.place, where)}
+    parts = [part for part in search.parts(None) if not part.heldout]
+    marginal = Marginal.of(
+        search.prior, total(parts, search.evidence.size), search.weights.effective_sample_fraction
+    )
+    problem = search.problem()
+    ranked = search.at_size(screen(search.evidence, marginal, frozenset()), problem)
+    field = search.finalists(problem, None, [entry for entry in ranked if entry[0] in numbers])
+    return field[0].fit if field else None
+
+
+def _is_at(place: Place, where: Mapping[str, Any]) -> bool:
+    return all(
+        getattr(place, part) in (None, where[part])
+        for part in ("segment", "section", "chamber")
+        if part in where
+    )
+
+
+def _vibrated(stage: Stage) -> Floats:
+    """Return what the vibration of the unchanged arm changes of the readings, shape (samples, rows)."""
+    vibrations = stage.vibrations
+    assert vibrations is not None, "the arm does not vibrate in these recordings"
+    couples = vibrations.arm.couples(vibrations.arm.lag(vibrations.still))
+    vibrated: Floats = np.einsum("trk,tk->tr", stage.couple_jacobian, couples)
+    return vibrated
+
+
+def _size(stage: Stage, readings: Floats) -> float:
+    """Return the rms change from sample to sample, in usual sizes."""
+    scaled = readings / np.array([SIZES[unit] for unit in stage.suite.units])
+    return float(np.sqrt(np.nanmean(np.diff(scaled, axis=0) ** 2)))
