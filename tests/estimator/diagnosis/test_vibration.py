@@ -8,7 +8,13 @@ from scipy.linalg import eigh
 
 from softarm.estimator.diagnosis.nuisances import calibrate_sessions
 from softarm.estimator.diagnosis.stage import Stage
-from softarm.estimator.diagnosis.vibration import LONGEST_STEP, Vibration, fit_vibration, with_vibration
+from softarm.estimator.diagnosis.vibration import (
+    LONGEST_STEP,
+    OTHER_ARM,
+    Vibration,
+    fit_vibration,
+    with_vibration,
+)
 from softarm.estimator.effects import EFFECTS, Spot
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.simulation.inertia import Masses, StrainDynamics
@@ -160,3 +166,12 @@ def test_where_the_model_finds_no_equilibrium_nothing_vibrates(stage: Stage) -> 
     lost = replace(baseline, converged=np.zeros_like(baseline.converged))
     nowhere = replace(stage, arm=replace(stage.arm, baseline=lost))
     assert with_vibration(nowhere, Vibration(1.0, (2.0, 0.002), 0.03, 0.1, 2.0), MASSES) is nowhere
+
+
+def test_the_vibration_of_an_arm_that_may_have_changed_is_less_certain(stage: Stage) -> None:
+    vibration = Vibration(1.0, (2.0, 0.002), 0.03, 0.1, 2.0)
+    same, other = (with_vibration(stage, vibration, MASSES, other=other) for other in (False, True))
+    assert same.vibration_error_std is not None
+    assert other.vibration_error_std == pytest.approx(OTHER_ARM * same.vibration_error_std)
+    assert same.vibration_error_std.max() > 0.0
+    assert other.base == pytest.approx(same.base)
