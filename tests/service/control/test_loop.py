@@ -211,6 +211,19 @@ async def test_a_process_that_becomes_free_waits_for_a_packet_that_is_due(
     assert (waiting[-1]() is not None) is requested
 
 
+async def test_a_tick_that_waits_for_a_packet_does_not_keep_that_from_starting_an_estimate(arm):
+    arm.step(2)
+    estimates = arm.loop.estimates
+    estimates._requested_ns -= 2 * TICK_NS  # the process was busy for so long
+    before = len(estimates.process.requests)
+    arm.now_ns += round(0.6 * TICK_NS)
+    estimates.on_tick(arm.now_ns)
+    assert len(estimates.process.requests) == before
+    arm.now_ns += round(0.3 * TICK_NS)
+    arm.instruments.read()
+    assert len(estimates.process.requests) == before + 1
+
+
 async def test_nothing_waits_for_packets_that_come_more_slowly_than_ticks(arm, monkeypatch):
     waiting = []
     monkeypatch.setattr(arm.loop.estimates.process, "submit", waiting.append)

@@ -17,7 +17,7 @@ from softarm.daemon.safety.observation import EstimatorHealth
 
 SHAPE_RATE_HZ = 10.0
 OWN_TICK, NO_PACKET = 0.5, 1.5
-"""Ticks after an estimate was started from which a packet starts the next one, and from which a tick does
+"""Ticks after an estimate was requested from which a packet starts the next one, and from which a tick does
 where no packet has: packets that jitter at the rate of the loop each start one, faster ones not all."""
 OLD = 1.0 / 3.0
 """Age of a packet, in intervals between packets T, from which it is better to wait for the next one.
@@ -65,7 +65,7 @@ class Estimates:
         self._deadline_s = setup.config.safety.estimator_deadline_s
         self._chambers = len(setup.specimen.chambers)
         self._gravity = np.array(setup.specimen.gravity_m_s2)
-        self._submitted_ns = self._placed_ns = self._drawn_ns = 0
+        self._requested_ns = self._placed_ns = self._drawn_ns = 0
         self._packet_ns = self._interval_ns = 0
         self._last_result_ns: int | None = None
         self._ready_ns: int | None = None
@@ -88,17 +88,16 @@ class Estimates:
         self._submit(now_ns, NO_PACKET)
 
     def _submit(self, now_ns: int, after_ticks: float) -> None:
-        if now_ns - self._submitted_ns < after_ticks * self._tick_ns:
-            return
-        self._submitted_ns = now_ns
-        self.process.submit(self._request)  # made when the process is free, from the readings by then
+        if now_ns - self._requested_ns >= after_ticks * self._tick_ns:
+            self.process.submit(self._request)  # made when the process is free, from the readings by then
 
     def _request(self) -> EstimationRequest | None:
         """Request an estimate of the newest readings, when the process is free for it."""
         now_ns = self._clocks.monotonic_ns()
         snapshot = self._readings.snapshot(now_ns)
-        if not snapshot.used or self._better_waits(now_ns - snapshot.newest_arrival_ns):
+        if not snapshot.used or self._better_waits(now_ns - self._packet_ns):
             return None
+        self._requested_ns = now_ns
         controller = self._controller
         return EstimationRequest(
             snapshot.time_s,
@@ -116,7 +115,7 @@ class Estimates:
         )
 
     def _better_waits(self, age_ns: int) -> bool:
-        """Return whether readings are so old that the next packet, which is due soon, is worth the wait."""
+        """Return whether the last packet is so old that the next one, which is due soon, is worth the wait."""
         each_tick = self._interval_ns < NO_PACKET * self._tick_ns
         return each_tick and OLD * self._interval_ns < age_ns < NO_PACKET * self._interval_ns
 
