@@ -115,7 +115,7 @@ class Estimates:
         )
 
     def _better_waits(self, age_ns: int) -> bool:
-        """Return whether the last packet is so old that the next one, which is due soon, is worth the wait."""
+        """Return whether the last packet is so old that the next one, due soon, is worth the wait."""
         each_tick = self._interval_ns < NO_PACKET * self._tick_ns
         return each_tick and OLD * self._interval_ns < age_ns < NO_PACKET * self._interval_ns
 
