@@ -68,6 +68,35 @@ def test_a_ceiling_and_a_dead_band_are_told() -> None:
     assert found[0].parameters["band"].value == pytest.approx(2.5e3, abs=200.0)
 
 
+def test_a_valve_that_was_held_only_at_its_ceiling_says_nothing_of_its_bias() -> None:
+    def held(name: str, level: float, ceiling: float) -> Recording:
+        columns = {}
+        for chamber, (highest, most) in enumerate([(level, ceiling), *[(30e3, np.inf)] * 5]):
+            asked = np.where(TIME % 20.0 > 10.0, highest, 0.0)
+            noise = np.random.default_rng(chamber).normal(0.0, 30.0, len(TIME))
+            columns[f"pressure_cmd_{chamber}_pa"] = asked
+            columns[f"pressure_{chamber}_pa"] = static(asked, -750.0, 0.0, 0.0, most) + noise
+        return Recording(name, TIME, columns)
+
+    known = splits_of([held(f"known_{number}", 30e3, np.inf) for number in range(4)])
+    levels = (20e3, 25e3, 30e3, 45e3, 50e3, 55e3)
+    found = valve_findings(splits_of([held(f"run_{level:g}", level, 38e3) for level in levels]), known)
+    assert [finding.effect for finding in found] == ["pressure_saturation"]
+
+
+def test_a_staircase_of_short_holds_shows_a_dead_band() -> None:
+    def climbed(name: str, band: float) -> Recording:
+        steps = np.floor(TIME / 0.9) % 7.0 * 1300.0
+        asked = np.interp(TIME, TIME + 0.05, steps)
+        given = first_order(TIME, static(asked, -400.0, 0.0, band, np.inf), 0.05, ())[0]
+        given = given + np.random.default_rng(8).normal(0.0, 30.0, len(TIME))
+        return Recording(name, TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
+
+    (finding,) = valve_findings(splits_of([climbed("stairs", 2600.0)]), splits_of([climbed("known", 0.0)]))
+    assert finding.effect == "valve_deadband"
+    assert finding.parameters["band"].value == pytest.approx(2600.0, abs=150.0)
+
+
 def test_a_ceiling_shows_across_recordings_of_one_level_each() -> None:
     runs = []
     for level in (10e3, 45e3, 52e3, 60e3):

@@ -12,15 +12,17 @@ from typing import NamedTuple
 import numpy as np
 from scipy.optimize import minimize_scalar
 
-from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.arrays import Floats
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
 from softarm.estimator.statistics import MAD_TO_STD
 
-OPEN = 500.0
-"""Set-points above it [Pa] open a valve."""
+OPEN, SHUT = 500.0, 200.0
+"""Set-points above the one [Pa] open a valve; it has stayed shut if less than the other came."""
 SETTLED = 0.8
-"""Seconds after a change at which a valve has settled."""
+"""Seconds after a change at which a valve has settled; half of a shorter hold if its pressure then rests."""
+AT_REST = 100.0
+"""Pressures that change by less between the halves of what is left of a hold rest [Pa]."""
 STEP = 2000.0
 """Change of a set-point [Pa] from one sample to the next that is a step."""
 LAGS = np.array([0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13, 0.17, 0.22, 0.3, 0.4, 0.55, 0.75])
@@ -47,9 +49,9 @@ class Valve:
         dead_time: From set-point to motion [s].
         lag: Time constant [s].
         timed: Whether dead time and lag can be told.
-        held: Whether a set-point was ever held for long enough to tell what it settles at.
+        held: Whether a set-point below the ceiling was ever held for long enough to tell what it settles at.
         bias: Steady error while open [Pa].
-        bias_std: Standard deviation of that between holds [Pa].
+        bias_std: Standard deviation of that between holds [Pa]; infinite where none was.
         gain: Relative error that grows with the set-point.
         deadband: Set-point up to which nothing comes [Pa].
         ceiling: Pressure that is not passed however much is asked [Pa]; infinite where it is never met.
@@ -132,25 +134,22 @@ def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceili
     dead_time, lag = _timing(time, setpoint, measured, law) if timed else (0.0, 0.0)
     noise = MAD_TO_STD * float(np.median(np.abs(np.diff(measured)))) / np.sqrt(2.0)
     rms = float(np.sqrt(np.mean((measured - setpoint) ** 2)))
-    return Valve(chamber, dead_time, lag, timed, fitted is not None, *law, rms=rms, noise=noise)
-
-
-def _settled(time: Floats, setpoint: Floats) -> Flags:
-    """Return where a set-point has been constant for ``SETTLED`` seconds, shape (samples,)."""
-    steps = np.abs(np.diff(setpoint, prepend=setpoint[0])) > 1.0
-    last = np.maximum.accumulate(np.where(steps, time, time[0] - SETTLED))
-    return np.asarray(time - last >= SETTLED)
+    held = fitted is not None and np.isfinite(fitted.bias_std)
+    return Valve(chamber, dead_time, lag, timed, bool(held), *law, rms=rms, noise=noise)
 
 
 def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Floats]:
-    """Return the set-point and the pressure of each hold, shape (holds,)."""
-    holds = _settled(time, setpoint)
+    """Return the set-point and the pressure of each hold in which that comes to rest, shape (holds,)."""
     numbers = np.cumsum(np.abs(np.diff(setpoint, prepend=setpoint[0])) > 1.0)
     levels, reached = [], []
-    for number in np.unique(numbers[holds]):
-        hold = holds & (numbers == number)
-        if hold.sum() >= 5 and float(time[hold][-1] - time[hold][0]) > 0.1:
-            late = hold & (time > 0.5 * (time[hold][0] + time[hold][-1]))
+    for run in np.split(np.arange(len(time)), np.flatnonzero(np.diff(numbers)) + 1):
+        settled = time[run[0]] + min(SETTLED, 0.5 * (time[run[-1]] - time[run[0]]))
+        hold = run[time[run] >= settled]
+        if len(hold) < 5 or float(time[hold[-1]] - time[hold[0]]) <= 0.1:
+            continue
+        late = hold[time[hold] > 0.5 * (time[hold[0]] + time[hold[-1]])]
+        first, last = (float(half.mean()) for half in np.array_split(measured[late], 2))
+        if abs(last - first) < AT_REST:
             levels.append(float(np.median(setpoint[late])))
             reached.append(float(np.mean(measured[late])))
     return np.array(levels), np.array(reached)
@@ -161,7 +160,7 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw | N
     opened = level > OPEN
     if not opened.any():
         return None
-    shut = opened & (pressure < np.minimum(0.3 * level, 300.0))
+    shut = opened & (pressure < SHUT)
     passing = opened & ~shut
     deadband = 0.0
     if shut.any() and passing.any() and level[shut].max() < level[passing].min():
@@ -169,7 +168,8 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw | N
     below = passing & (pressure < ceiling - 500.0)
     error = pressure[below] - level[below]
     if not len(error):
-        return ValveLaw(deadband=deadband, ceiling=ceiling) if np.isfinite(ceiling) else None
+        unknown = ValveLaw(bias_std=float("inf"), deadband=deadband, ceiling=ceiling)
+        return unknown if np.isfinite(ceiling) else None
     gain = 0.0
     if len(error) >= 4 and np.ptp(level[below]) > 10e3:
         gain = float(np.polyfit(level[below], error, 1)[0])
