@@ -628,6 +628,16 @@ def test_something_unknown_is_reported_where_much_is_left_or_a_sign_is_likelier_
     assert decision.changed is changed
 
 
+@pytest.mark.parametrize("probability", [0.9, 0.1])
+def test_an_effect_that_was_found_and_disproved_is_a_sign_of_something_unknown(monkeypatch, probability):
+    (disproved,) = chosen(fit_of("tip_payload", 0.02)).accepted
+    decision = decide_on(
+        monkeypatch, chosen(), proven=(chosen(), [disproved]), unnamed_probability=probability
+    )
+    assert decision.dropped == ("tip_payload",)
+    assert decision.changed is (probability > 0.5)
+
+
 def searching(library: Library) -> Search:
     return Search(
         cast("Any", SimpleNamespace(library=library)),

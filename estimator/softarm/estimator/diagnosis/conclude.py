@@ -176,7 +176,7 @@ def heldout_result(
     return Heldout(rms_before, rms_after, interval, how, errors, innovation_test(search, after))
 
 
-def proven(search: Search) -> tuple[ChosenEffects, list[EffectName]]:
+def proven(search: Search) -> tuple[ChosenEffects, list[Accepted]]:
     """Search until all that is accepted holds on data that confirm it, which are reported nowhere.
 
     The more effects have failed there, the surer the next must be; and one that explains little of what these
@@ -196,8 +196,7 @@ def proven(search: Search) -> tuple[ChosenEffects, list[EffectName]]:
             lost = list(range(len(choice.accepted)))
         dropped += [choice.accepted[k] for k in lost]
         if not lost or len(dropped) > MOST_UNPROVEN:
-            names = [one.candidate.fit.hypotheses[-1].name for one in dropped]
-            return search.without(choice, lost) if lost else choice, names
+            return search.without(choice, lost) if lost else choice, dropped
 
 
 def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[int]:

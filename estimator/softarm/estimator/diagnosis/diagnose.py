@@ -297,15 +297,17 @@ class Decision:
 def decide(search: Search) -> Decision:
     """Choose the effects that are reported, and return whether something else is missing."""
     choice, unproven = proven(search)
+    disproved = {one.candidate.number for one in unproven}
     choice, sizes, fragments = without_fragments(search, choice)
     choice, sizes, improbable = without_improbable(search, choice, sizes)
     unnamed = unnamed_law(search, choice.fit)
     law, probability = unnamed if unnamed.outdoes else None, unnamed.probability
     found, asked = choice.fit is not None, False
     if law is not None and not found:
-        probability, asked = unnamed_probability(search, CHANGED), True
+        probability, asked = unnamed_probability(search, CHANGED, disproved), True
         law = replace(law, probability=probability) if probability >= CREDIBLE else None
-    withdrawn = [*unproven, *fragments, *improbable]
+    withdrawn = [one.candidate.fit.hypotheses[-1].name for one in unproven]
+    withdrawn += [*fragments, *improbable]
     if found and probability > LIKELIER:
         choice, sizes = replace(choice, accepted=(), fit=None), None
         if law is None:  # neither it nor what it is likelier than is certain
@@ -313,8 +315,8 @@ def decide(search: Search) -> Decision:
     remainder = _remainder(search, choice)
     more_is_left = remainder > STRUCTURE or worst_over_nominal(search, choice.fit) > OUTLYING
     changed = law is not None or more_is_left or _changed(search, choice)
-    if law is None and not found and (changed or _is_doubtful(choice)):
-        probability = probability if asked else unnamed_probability(search, CHANGED)
+    if law is None and not found and (changed or unproven or _is_doubtful(choice)):
+        probability = probability if asked else unnamed_probability(search, CHANGED, disproved)
         changed = more_is_left or probability > LIKELIER
     return Decision(replace(choice, fit=sizes), tuple(withdrawn), law, probability, remainder, changed)
 

@@ -20,7 +20,7 @@ only a change of it counts. The process is not compared so. It is wide enough th
 looks like something it had before.
 """
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -251,7 +251,7 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     return UnnamedLaw(gain, named_gain, probability, nearest, law.place, law.regime)
 
 
-def unnamed_probability(search: Search, changed: float) -> float:
+def unnamed_probability(search: Search, changed: float, disproved: Collection[int] = ()) -> float:
     """Return how probable it is that what is missing has no name, where no effect was accepted.
 
     A law without a name, and a change of everything at once, compete with every effect that was fitted alone,
@@ -260,11 +260,12 @@ def unnamed_probability(search: Search, changed: float) -> float:
     Args:
         search: The search.
         changed: Twice the logarithm of the odds from which everything has changed.
+        disproved: Numbers of effects that confirming data have disproved, which compete no more.
     """
     named = [
         density(one, search.predicted(one, None), search.bic_penalty)
         for key, one in search.tried.items()
-        if len(key) == 1 and one is not None and not one.fit.at_bound
+        if len(key) == 1 and key[0] not in disproved and one is not None and not one.fit.at_bound
     ]
     law = likeliest_law(search, smooth=False)[0]
     folds, fraction = search.folds(None), search.weights.effective_sample_fraction
