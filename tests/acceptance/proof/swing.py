@@ -45,11 +45,11 @@ def swing_table(
         say(f"{trial.name}: swing")
         rows += swing_rows(trial, folders, specimen)
     factors = [float(str(row["over_unchanged"])) for row in rows]
+    median = f"{np.median(factors):.2g}" if factors else "unknown: no effect changes the arm"
     note = (
         "Rms change from sample to sample of what is left, over that of the vibration that the model gives "
         "the unchanged arm: with what was concealed, fitted at its place, and where nothing was. "
-        f"over_unchanged: the one over the other, median {np.median(factors):.2g}; the diagnosis takes "
-        f"{OTHER_ARM:g}."
+        f"over_unchanged: the one over the other, median {median}; the diagnosis takes {OTHER_ARM:g}."
     )
     return Table("The vibration of arms that have changed", rows, (note,))
 
