@@ -148,8 +148,8 @@ def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Fl
         if len(hold) < 5 or float(time[hold[-1]] - time[hold[0]]) <= 0.1:
             continue
         late = hold[time[hold] > 0.5 * (time[hold[0]] + time[hold[-1]])]
-        first, last = (float(half.mean()) for half in np.array_split(measured[late], 2))
-        if abs(last - first) < AT_REST:
+        halves = [float(half.mean()) for half in np.array_split(measured[late], 2) if len(half)]
+        if max(halves) - min(halves) < AT_REST:
             levels.append(float(np.median(setpoint[late])))
             reached.append(float(np.mean(measured[late])))
     return np.array(levels), np.array(reached)
