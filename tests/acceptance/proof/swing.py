@@ -8,19 +8,16 @@ import numpy as np
 
 from acceptance.proof.schedule import SealedTrial
 from acceptance.proof.sensitivity import products_of_trial
-from acceptance.proof.trial import Folders, lay_out, record
-from acceptance.trial import draw
+from acceptance.proof.trial import Folders, drawn, lay_out, record
 from softarm.bench.trials.folders import Trial, read_answer
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.diagnose import begin
 from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.gaussian import Marginal
-from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.screen import screen
 from softarm.estimator.diagnosis.stage import Stage
-from softarm.estimator.diagnosis.vibration import OTHER_ARM, SIZES
+from softarm.estimator.diagnosis.vibration import OTHER_ARM, moved_by, steps_of
 from softarm.estimator.specimen.physics import Place
 from softarm.fakes.plant.generate import generate
 from softarm.fakes.plant.write import write
@@ -94,8 +91,7 @@ def swing_rows(trial: SealedTrial, folders: Folders, specimen: str) -> list[dict
 def unchanged_twin(trial: SealedTrial, changed: Trial, folders: Folders) -> Trial:
     """Record ``RUNS`` of the same arm, with the same noise, with nothing concealed in it."""
     out = folders.root / "twins" / "recordings" / trial.name
-    only = tuple(name for name in trial.only.split("+") if name)
-    for run in draw(trial.seed, trial.kind, only=only).runs:
+    for run in drawn(trial).runs:
         if run.name.startswith(RUNS) and not (out / run.name).exists():
             plain = replace(run.laboratory, concealed=())
             write(
@@ -110,12 +106,8 @@ def fitted(search: Search, effect: str, where: Mapping[str, Any]) -> Fit | None:
     """Fit an effect at its place, beginning where the search would; ``None`` where no search knows it."""
     hypotheses = search.evidence.library.hypotheses
     numbers = {k for k, one in enumerate(hypotheses) if one.name == effect and _is_at(one.place, where)}
-    parts = [part for part in search.parts(None) if not part.heldout]
-    marginal = Marginal.of(
-        search.prior, total(parts, search.evidence.size), search.weights.effective_sample_fraction
-    )
     problem = search.problem()
-    ranked = search.at_size(screen(search.evidence, marginal, frozenset()), problem)
+    ranked = search.at_size(screen(search.evidence, search.marginal(None), frozenset()), problem)
     field = search.finalists(problem, None, [entry for entry in ranked if entry[0] in numbers])
     return field[0].fit if field else None
 
@@ -130,14 +122,10 @@ def _is_at(place: Place, where: Mapping[str, Any]) -> bool:
 
 def _vibrated(stage: Stage) -> Floats:
     """Return what the vibration of the unchanged arm changes of the readings, shape (samples, rows)."""
-    vibrations = stage.vibrations
-    assert vibrations is not None, "the arm does not vibrate in these recordings"
-    couples = vibrations.arm.couples(vibrations.arm.lag(vibrations.still))
-    vibrated: Floats = np.einsum("trk,tk->tr", stage.couple_jacobian, couples)
-    return vibrated
+    assert stage.vibrations is not None, "the arm does not vibrate in these recordings"
+    return moved_by(stage, stage.vibrations.couples)
 
 
 def _size(stage: Stage, readings: Floats) -> float:
     """Return the rms change from sample to sample, in usual sizes."""
-    scaled = readings / np.array([SIZES[unit] for unit in stage.suite.units])
-    return float(np.sqrt(np.nanmean(np.diff(scaled, axis=0) ** 2)))
+    return float(np.sqrt(np.nanmean(steps_of(stage, readings) ** 2)))

@@ -11,7 +11,7 @@ from typing import Any
 import tomli_w
 
 from acceptance.proof.schedule import SealedTrial
-from acceptance.trial import draw, record_trial
+from acceptance.trial import PlantTrial, draw, record_trial
 from softarm.analysis.diagnosis.report import FILE
 from softarm.bench.trials.folders import TRIAL_FILE, Trial, read_trial
 from softarm.bench.trials.outcome import TrialOutcome
@@ -70,6 +70,12 @@ def name_of(trial: SealedTrial, motion: str) -> str:
     return f"{trial.name}_{motion}".replace(" ", "_")
 
 
+def drawn(trial: SealedTrial) -> PlantTrial:
+    """Draw the arm, the runs and what is concealed in a trial."""
+    only = tuple(name for name in trial.only.split("+") if name)
+    return draw(trial.seed, trial.kind, only=only)
+
+
 def record(trial: SealedTrial, folders: Folders) -> None:
     """Have the fake arm record a trial and seal its answer, unless that was done before."""
     out = folders.recordings(trial)
@@ -77,8 +83,7 @@ def record(trial: SealedTrial, folders: Folders) -> None:
         return
     draft = out.with_suffix(".part")
     shutil.rmtree(draft, ignore_errors=True)
-    only = tuple(name for name in trial.only.split("+") if name)
-    record_trial(draw(trial.seed, trial.kind, only=only), draft, folders.truth(trial))
+    record_trial(drawn(trial), draft, folders.truth(trial))
     for table in folders.truth(trial).rglob("*.csv"):
         table.unlink()
     draft.rename(out)

@@ -109,12 +109,7 @@ class Search:
         fit: Fit | None = None
         alarm_p, turned_down = 1.0, None
         while len(accepted) < MOST:
-            parts = self.parts(fit)
-            marginal = Marginal.of(
-                self.prior,
-                total(_searched(parts), self.evidence.size),
-                self.weights.effective_sample_fraction,
-            )
+            marginal = self.marginal(fit)
             taken = frozenset(a.candidate.number for a in accepted) | refused
             ranked = screen(self.evidence, marginal, taken)
             null = null_scores(self.evidence, marginal, self.rng)
@@ -169,6 +164,11 @@ class Search:
             return list(ranked[:FINALISTS])
         hypotheses = self.evidence.library.hypotheses
         return [e for k, e in enumerate(ranked) if k < FINALISTS or hypotheses[e[0]].name == name]
+
+    def marginal(self, fit: Fit | None) -> Marginal:
+        """Return what the searched stretches show of every column beside accepted effects."""
+        searched = total(_searched(self.parts(fit)), self.evidence.size)
+        return Marginal.of(self.prior, searched, self.weights.effective_sample_fraction)
 
     def parts(self, fit: Fit | None) -> list[NormalEquations]:
         """Return the products of the residuals that accepted effects leave, without nominal recordings."""

@@ -101,6 +101,11 @@ class Vibrations:
         """Derivatives of the quasi-static strains by the parts of the drive; see ``Stage``."""
         return _strains_by_drive(self.resting)
 
+    @property
+    def couples(self) -> Floats:
+        """Couples that strain the arm at rest as it vibrates without effects, shape (samples, strains)."""
+        return self.arm.couples(self._usual_lag)
+
     @cached_property
     def _usual_lag(self) -> Floats:
         return self.arm.lag(self.still)

@@ -128,21 +128,20 @@ def static(setpoint: Floats, bias: float, gain: float, deadband: float, ceiling:
 
 
 def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceiling: float) -> Valve:
-    fitted = _static_law(*_holds(time, setpoint, measured), ceiling)
-    law = fitted or ValveLaw()
+    law = _static_law(*_holds(time, setpoint, measured), ceiling)
     timed = bool(np.abs(np.interp(time + SUDDEN, time, setpoint) - setpoint).max() > LEAST_CHANGE)
     dead_time, lag = _timing(time, setpoint, measured, law) if timed else (0.0, 0.0)
     noise = MAD_TO_STD * float(np.median(np.abs(np.diff(measured)))) / np.sqrt(2.0)
     rms = float(np.sqrt(np.mean((measured - setpoint) ** 2)))
-    held = fitted is not None and np.isfinite(fitted.bias_std)
-    return Valve(chamber, dead_time, lag, timed, bool(held), *law, rms=rms, noise=noise)
+    held = bool(np.isfinite(law.bias_std))
+    return Valve(chamber, dead_time, lag, timed, held, *law, rms=rms, noise=noise)
 
 
 def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Floats]:
     """Return the set-point and the pressure of each hold in which that comes to rest, shape (holds,)."""
-    numbers = np.cumsum(np.abs(np.diff(setpoint, prepend=setpoint[0])) > 1.0)
+    changes = np.flatnonzero(np.abs(np.diff(setpoint)) > 1.0) + 1
     levels, reached = [], []
-    for run in np.split(np.arange(len(time)), np.flatnonzero(np.diff(numbers)) + 1):
+    for run in np.split(np.arange(len(time)), changes):
         settled = time[run[0]] + min(SETTLED, 0.5 * (time[run[-1]] - time[run[0]]))
         hold = run[time[run] >= settled]
         if len(hold) < 5 or float(time[hold[-1]] - time[hold[0]]) <= 0.1:
@@ -155,11 +154,14 @@ def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Fl
     return np.array(levels), np.array(reached)
 
 
-def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw | None:
-    """Fit the settled law to the holds, each hold one point; ``None`` where the valve was never held open."""
+def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw:
+    """Fit the settled law to the holds, each hold one point.
+
+    Where the valve was never held open below its ceiling, the deviation of its bias is infinite.
+    """
     opened = level > OPEN
     if not opened.any():
-        return None
+        return ValveLaw(bias_std=float("inf"))
     shut = opened & (pressure < SHUT)
     passing = opened & ~shut
     deadband = 0.0
@@ -168,8 +170,7 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw | N
     below = passing & (pressure < ceiling - 500.0)
     error = pressure[below] - level[below]
     if not len(error):
-        unknown = ValveLaw(bias_std=float("inf"), deadband=deadband, ceiling=ceiling)
-        return unknown if np.isfinite(ceiling) else None
+        return ValveLaw(bias_std=float("inf"), deadband=deadband, ceiling=ceiling)
     gain = 0.0
     if len(error) >= 4 and np.ptp(level[below]) > 10e3:
         gain = float(np.polyfit(level[below], error, 1)[0])

@@ -120,17 +120,16 @@ def with_vibration(stage: Stage, vibration: Vibration, masses: Masses, *, other:
     if stage.session.step > LONGEST_STEP or not _bounded(stage, masses):
         return stage
     theta = np.array([np.log(vibration.mass), *vibration.damping, vibration.delay])
-    vibrating = _vibrating(stage, _dynamics(stage, masses), theta)
-    couples = vibrating.couples(vibrating.lag(_still(stage))).reshape(stage.drive.couples.shape)
-    drive = stage.drive.plus(np.zeros_like(stage.drive.wrenches), couples)
+    vibrations = Vibrations(_vibrating(stage, _dynamics(stage, masses), theta), _still(stage), stage.arm)
+    couples = vibrations.couples
+    drive = stage.drive.plus(np.zeros_like(stage.drive.wrenches), couples.reshape(stage.drive.couples.shape))
     response = stage.arm.respond(drive)
     # Poses that it swings through and that no stable equilibrium holds have no first order.
     *_, stable = strain_stiffness(response, stage.arm.segments)
     arm = LinearisedArm(stage.arm.segments, drive, replace(response, converged=stable))
     relative = vibration.relative_error * (OTHER_ARM if other else 1.0)
-    error = relative * _envelope(stage, _observed(stage, vibrating))
+    error = relative * _envelope(stage, moved_by(stage, couples))
     error = np.where(_held(stage)[:, None], stage.model_error_std, error)
-    vibrations = Vibrations(vibrating, _still(stage), stage.arm)
     return replace(stage, arm=arm, drive=drive, vibrations=vibrations, vibration_error_std=error)
 
 
@@ -192,7 +191,11 @@ def _held(stage: Stage) -> NDArray[np.bool_]:
 
 def _observed(stage: Stage, vibrating: VibratingArm) -> Floats:
     """Return what the vibration changes of the predictions, shape (samples, rows)."""
-    couples = vibrating.couples(vibrating.lag(_still(stage)))
+    return moved_by(stage, vibrating.couples(vibrating.lag(_still(stage))))
+
+
+def moved_by(stage: Stage, couples: Floats) -> Floats:
+    """Return what couples on the segments change of the predictions, shape (samples, rows)."""
     change: Floats = np.einsum("trk,tk->tr", stage.couple_jacobian, couples)
     return change
 
@@ -206,6 +209,11 @@ def _driven(stage: Stage) -> bool:
 
 def _fast(stage: Stage, residual: Floats) -> Floats:
     """Return what changes from sample to sample outside the held-out stretches, in usual sizes."""
-    scaled = residual / np.array([SIZES[unit] for unit in stage.suite.units])
-    fast: Floats = np.nan_to_num(np.diff(scaled, axis=0)[~stage.session.heldout[1:]]).ravel()
+    fast: Floats = np.nan_to_num(steps_of(stage, residual)[~stage.session.heldout[1:]]).ravel()
     return fast
+
+
+def steps_of(stage: Stage, readings: Floats) -> Floats:
+    """Return what changes from sample to sample, in usual sizes, shape (samples - 1, rows)."""
+    steps: Floats = np.diff(readings / np.array([SIZES[unit] for unit in stage.suite.units]), axis=0)
+    return steps

@@ -94,8 +94,10 @@ class Estimates:
     def _request(self) -> EstimationRequest | None:
         """Request an estimate of the newest readings, when the process is free for it."""
         now_ns = self._clocks.monotonic_ns()
+        if self._better_waits(now_ns):
+            return None
         snapshot = self._readings.snapshot(now_ns)
-        if not snapshot.used or self._better_waits(now_ns - self._packet_ns):
+        if not snapshot.used:
             return None
         self._requested_ns = now_ns
         controller = self._controller
@@ -114,10 +116,12 @@ class Estimates:
             want_mesh=self._shape_due(now_ns),
         )
 
-    def _better_waits(self, age_ns: int) -> bool:
+    def _better_waits(self, now_ns: int) -> bool:
         """Return whether the last packet is so old that the next one, due soon, is worth the wait."""
         each_tick = self._interval_ns < NO_PACKET * self._tick_ns
-        return each_tick and OLD * self._interval_ns < age_ns < NO_PACKET * self._interval_ns
+        return (
+            each_tick and OLD * self._interval_ns < now_ns - self._packet_ns < NO_PACKET * self._interval_ns
+        )
 
     def _pressures(self, now_ns: int) -> NDArray[np.float64]:
         """Return the measured pressures [Pa], NaN when they are stale, shape (chambers,).
