@@ -113,8 +113,38 @@ def test_a_valve_that_was_never_held_tells_no_bias() -> None:
     given = static(asked, -700.0, 0.0, 0.0, np.inf) + np.random.default_rng(2).normal(0.0, 30.0, len(TIME))
     waves = Recording("waves", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
     (valve,) = valves_of(waves, {})
-    assert not valve.held
+    assert valve.holds == 0
     assert valve_findings(splits_of([waves]), splits_of([held])) == ()
+
+
+def test_one_short_hold_is_no_bias_where_holds_scatter() -> None:
+    """In closed loop a set-point rests for moments, in which valves of the same make are off by now more, now
+    less. Source of the size: a real arm in closed loop, whose valves err by 0.4 kPa either way."""
+    rng = np.random.default_rng(5)
+    asked = 30e3 + 20e3 * np.sin(2.0 * TIME)
+    columns = {}
+    for chamber, (count, offset) in enumerate([(12, 0.0), (12, 0.0), (1, -1100.0)]):
+        held, error = asked.copy(), np.zeros(len(TIME))
+        for begin in np.linspace(3.0, 75.0, count):
+            hold = (begin <= TIME) & (begin + 0.5 > TIME)
+            held[hold] = held[hold][0]
+            error[hold] = offset + rng.normal(0.0, 400.0)
+        given = first_order(TIME, held, 0.09, ())[0] + error + rng.normal(0.0, 20.0, len(TIME))
+        columns |= {f"pressure_cmd_{chamber}_pa": held, f"pressure_{chamber}_pa": given}
+    found = valve_findings(splits_of([Recording("loop", TIME, columns)]), [])
+    assert [f.where.chamber for f in found if f.effect == "pressure_bias"] == []
+
+
+def test_a_long_hold_with_ripple_shows_its_bias() -> None:
+    """The arm that swings at the valve's end makes its pressure swing by some hundred pascals."""
+    asked = np.where((TIME > 10.0) & (TIME < 30.0) | (TIME > 45.0) & (TIME < 65.0), 30e3, 0.0)
+    given = first_order(TIME, static(asked, -700.0, 0.0, 0.0, np.inf), 0.04, ())[0]
+    given = given + np.where(asked > 0.0, 300.0 * np.sin(0.4 * TIME), 0.0)
+    given = given + np.random.default_rng(6).normal(0.0, 30.0, len(TIME))
+    columns = {"pressure_cmd_0_pa": asked, "pressure_0_pa": given}
+    found = valve_findings(splits_of([Recording("ripple", TIME, columns)]), [])
+    (bias,) = (f.parameters["bias"] for f in found if f.effect == "pressure_bias")
+    assert bias.value == pytest.approx(-700.0, abs=2.0 * bias.std)
 
 
 def test_valves_that_wander_between_recordings_are_not_blamed() -> None:

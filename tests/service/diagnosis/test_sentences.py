@@ -8,7 +8,7 @@ import pytest
 
 from softarm.analysis.diagnosis import sentences
 from softarm.analysis.diagnosis.report import report_of
-from softarm.estimator.diagnosis.result import InnovationTest, Quantity
+from softarm.estimator.diagnosis.result import ChannelError, InnovationTest, Quantity
 from tests.service.diagnosis.made_diagnosis import (
     consistent,
     diagnosis,
@@ -60,6 +60,24 @@ def test_a_finding_without_a_size_says_what_was_found():
     statement = "b_run: the markers are in millimetres; converted for this run."
     found = replace(unexplained().findings[0], effect="frame_mismatch", statement=statement)
     assert statement in sentences.finding_line(1, found, replace(unexplained(), findings=(found,)))
+
+
+def test_a_finding_that_has_rivals_names_them():
+    one = explained()
+    finding = replace(one.findings[0], probability=0.27)
+    words = "these data cannot distinguish it (probability 27 %) from hysteresis, the lower segment"
+    assert words in sentences.finding_line(1, finding, one)
+    assert "distinguish" not in sentences.finding_line(1, replace(finding, confusable_with=()), one)
+
+
+def test_a_valve_removes_its_own_mismatch():
+    one = explained()
+    finding = one.findings[0]
+    valve = replace(finding.evidence, channels={"pressure_0": ChannelError("Pa", 900.0, 300.0)})
+    assert "of the mismatch between set-point and pressure" in (
+        sentences.finding_line(1, replace(finding, evidence=valve), one)
+    )
+    assert "set-point" not in sentences.finding_line(1, finding, one)
 
 
 @pytest.mark.parametrize("made", EVERY)

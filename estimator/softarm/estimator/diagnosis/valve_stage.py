@@ -43,8 +43,8 @@ LEFT_OVER = 5.0
 """Root mean square over the noise from which something beyond the law is left, such as overshoot."""
 LEAST_BIC = 10.0
 """Evidence on held-out samples from which a valve is blamed."""
-SCATTER, WORTH = 200.0, 3
-"""Scatter of a valve's steady error between recordings [Pa], and the recordings that this is worth."""
+SCATTER, BETWEEN_HOLDS, WORTH = 200.0, 100.0, 3
+"""Scatter of a steady error between recordings, between holds [Pa]; how many of either this is worth."""
 NEEDED = (
     "while one is open, more than 50 readings of its set-point and pressure together are needed, some of "
     "them in the second half"
@@ -137,6 +137,7 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
     """Report what the valves do otherwise; those that nominal recordings leave out are not judged."""
     findings: list[Finding] = []
     scatter = _scatter(_offsets, SCATTER, [suspects, nominal])
+    between_holds = _between_holds([*suspects, *nominal])
     jitter = _scatter(_delayed, max((_jitter(split) for split in suspects), default=0.0), [suspects, nominal])
     chambers = sorted({split.valve.chamber for split in suspects})
     for chamber in chambers:
@@ -147,7 +148,7 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
         if nominal and not of_chamber:
             continue
         if 2.0 * evidence.log_bayes_factor >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
-            findings += _steady(chamber, splits, of_chamber, scatter, evidence, len(chambers))
+            findings += _steady(chamber, splits, of_chamber, scatter, between_holds, evidence, len(chambers))
             findings += _delays(chamber, splits, of_chamber, jitter, evidence, len(chambers))
     return tuple(findings)
 
@@ -169,6 +170,17 @@ def _scatter(
             squares += float(np.sum((deviations - deviations.mean()) ** 2)) if len(deviations) else 0.0
             count += max(len(deviations) - 1, 0)
     return float(np.sqrt(squares / count))
+
+
+def _between_holds(splits: Sequence[Split]) -> float:
+    """Pool the scatter of a steady error between the holds of one recording over all valves [Pa].
+
+    One hold, or two shortly after each other, tell nothing of it.
+    """
+    several = [split.valve for split in splits if split.valve.holds > 1]
+    squares = sum((valve.holds - 1) * valve.bias_std**2 for valve in several)
+    count = sum(valve.holds - 1 for valve in several)
+    return float(np.sqrt((WORTH * BETWEEN_HOLDS**2 + squares) / (WORTH + count)))
 
 
 def _jitter(split: Split) -> float:
@@ -291,6 +303,7 @@ def _steady(
     splits: Sequence[Split],
     references: Sequence[Split],
     scatter: float,
+    between_holds: float,
     evidence: Evidence,
     valves: int,
 ) -> list[Finding]:
@@ -300,7 +313,7 @@ def _steady(
         return []
     offset = float(np.mean(ours))
     change = offset - (float(np.mean(theirs)) if theirs else 0.0)
-    within = max(split.valve.bias_std for split in splits if split.valve.held) / np.sqrt(len(ours))
+    within = max(between_holds, *(split.valve.bias_std for split in splits)) / np.sqrt(len(ours))
     between = scatter * np.sqrt(1.0 / len(ours) + 1.0 / len(theirs)) if theirs else 0.0
     spread = max(float(np.hypot(within, between)), 20.0)
     sure = _probability(abs(change), spread, len(ours) + len(theirs), valves)
@@ -368,7 +381,7 @@ def _timed(splits: Sequence[Split]) -> list[Valve]:
 
 def _offsets(splits: Sequence[Split]) -> list[float]:
     """Return the steady errors of valves that were held open [Pa], a dead band counted as one."""
-    valves = [split.valve for split in splits if split.valve.held]
+    valves = [split.valve for split in splits if split.valve.holds]
     return [valve.bias - (1.0 + valve.gain) * valve.deadband for valve in valves]
 
 

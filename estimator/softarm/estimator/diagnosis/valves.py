@@ -20,9 +20,9 @@ from softarm.estimator.statistics import MAD_TO_STD
 OPEN, SHUT = 500.0, 200.0
 """Set-points above the one [Pa] open a valve; it has stayed shut if less than the other came."""
 SETTLED = 0.8
-"""Seconds after a change at which a valve has settled; half of a shorter hold if its pressure then rests."""
+"""Seconds after a change at which a valve has settled; half of a short hold if its pressure then rests."""
 AT_REST = 100.0
-"""Pressures that change by less between the halves of what is left of a hold rest [Pa]."""
+"""Pressures that change by less between the halves of what is left of a short hold rest [Pa]."""
 STEP = 2000.0
 """Change of a set-point [Pa] from one sample to the next that is a step."""
 LAGS = np.array([0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13, 0.17, 0.22, 0.3, 0.4, 0.55, 0.75])
@@ -33,6 +33,7 @@ LEAST_CHANGE, SUDDEN = 3000.0, 0.1
 class ValveLaw(NamedTuple):
     """What a valve settles at; see ``Valve``."""
 
+    holds: int = 0
     bias: float = 0.0
     bias_std: float = 0.0
     gain: float = 0.0
@@ -49,9 +50,9 @@ class Valve:
         dead_time: From set-point to motion [s].
         lag: Time constant [s].
         timed: Whether dead time and lag can be told.
-        held: Whether a set-point below the ceiling was ever held for long enough to tell what it settles at.
+        holds: How often a set-point below the ceiling was held for long enough to tell what it settles at.
         bias: Steady error while open [Pa].
-        bias_std: Standard deviation of that between holds [Pa]; infinite where none was.
+        bias_std: Standard deviation of that between holds [Pa]; 0 where there were less than two.
         gain: Relative error that grows with the set-point.
         deadband: Set-point up to which nothing comes [Pa].
         ceiling: Pressure that is not passed however much is asked [Pa]; infinite where it is never met.
@@ -63,7 +64,7 @@ class Valve:
     dead_time: float
     lag: float
     timed: bool
-    held: bool
+    holds: int
     bias: float
     bias_std: float
     gain: float
@@ -133,35 +134,31 @@ def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceili
     dead_time, lag = _timing(time, setpoint, measured, law) if timed else (0.0, 0.0)
     noise = MAD_TO_STD * float(np.median(np.abs(np.diff(measured)))) / np.sqrt(2.0)
     rms = float(np.sqrt(np.mean((measured - setpoint) ** 2)))
-    held = bool(np.isfinite(law.bias_std))
-    return Valve(chamber, dead_time, lag, timed, held, *law, rms=rms, noise=noise)
+    return Valve(chamber, dead_time, lag, timed, *law, rms=rms, noise=noise)
 
 
 def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Floats]:
-    """Return the set-point and the pressure of each hold in which that comes to rest, shape (holds,)."""
+    """Return the set-point and the pressure of each hold after which a valve has settled, shape (holds,)."""
     changes = np.flatnonzero(np.abs(np.diff(setpoint)) > 1.0) + 1
     levels, reached = [], []
     for run in np.split(np.arange(len(time)), changes):
-        settled = time[run[0]] + min(SETTLED, 0.5 * (time[run[-1]] - time[run[0]]))
-        hold = run[time[run] >= settled]
+        lasted = float(time[run[-1]] - time[run[0]])
+        hold = run[time[run] >= time[run[0]] + min(SETTLED, 0.5 * lasted)]
         if len(hold) < 5 or float(time[hold[-1]] - time[hold[0]]) <= 0.1:
             continue
         late = hold[time[hold] > 0.5 * (time[hold[0]] + time[hold[-1]])]
         halves = [float(half.mean()) for half in np.array_split(measured[late], 2) if len(half)]
-        if max(halves) - min(halves) < AT_REST:
+        if lasted > 2.0 * SETTLED or max(halves) - min(halves) < AT_REST:
             levels.append(float(np.median(setpoint[late])))
             reached.append(float(np.mean(measured[late])))
     return np.array(levels), np.array(reached)
 
 
 def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw:
-    """Fit the settled law to the holds, each hold one point.
-
-    Where the valve was never held open below its ceiling, the deviation of its bias is infinite.
-    """
+    """Fit the settled law to the holds, each hold one point."""
     opened = level > OPEN
     if not opened.any():
-        return ValveLaw(bias_std=float("inf"))
+        return ValveLaw()
     shut = opened & (pressure < SHUT)
     passing = opened & ~shut
     deadband = 0.0
@@ -170,15 +167,15 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw:
     below = passing & (pressure < ceiling - 500.0)
     error = pressure[below] - level[below]
     if not len(error):
-        return ValveLaw(bias_std=float("inf"), deadband=deadband, ceiling=ceiling)
+        return ValveLaw(deadband=deadband, ceiling=ceiling)
     gain = 0.0
     if len(error) >= 4 and np.ptp(level[below]) > 10e3:
         gain = float(np.polyfit(level[below], error, 1)[0])
         gain = gain if abs(gain) > 0.01 else 0.0
     residual = error - gain * level[below]
-    spread = float(np.std(residual, ddof=1)) if len(residual) > 1 else 100.0
-    bias = float(np.median(residual))
-    return ValveLaw(bias + (1.0 + gain) * deadband if deadband else bias, spread, gain, deadband, ceiling)
+    spread = float(np.std(residual, ddof=1)) if len(residual) > 1 else 0.0
+    bias = float(np.median(residual)) + (1.0 + gain) * deadband
+    return ValveLaw(len(residual), bias, spread, gain, deadband, ceiling)
 
 
 def _ceiling(level: Floats, pressure: Floats) -> float:

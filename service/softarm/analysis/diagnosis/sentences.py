@@ -175,7 +175,7 @@ def effect_on_error(finding: Finding, diagnosis: Diagnosis) -> str:
         channel = f" In {best[0]}, which it changes most, it would be {before} instead of {after} {unit}."
     return (
         f"Without this finding, and with all others, the error on unseen data would be {ratio}: the finding "
-        f"removes {100.0 * share(finding, diagnosis):.0f} % of the mismatch.{channel}"
+        f"removes {removed(finding, diagnosis)}.{channel}"
     )
 
 
@@ -242,12 +242,28 @@ def _span(stretch: Stretch) -> str:
 
 
 def finding_line(index: int, finding: Finding, diagnosis: Diagnosis) -> str:
-    """Write a finding in one line: its size and what it removes, or its statement where it has no size."""
+    """Write a finding in one line: size, what it removes and rivals; its statement if it has no size."""
     if not finding.parameters and finding.effect != "unknown":
         return f"{index}. {place(finding)}: {finding.statement}"
     sizes = ", ".join(f"{plain(name)} {quantity(one)}" for name, one in finding.parameters.items())
-    removes = f"; removes {100.0 * share(finding, diagnosis):.0f} % of the mismatch" if sizes else ""
-    return f"{index}. {place(finding)}{': ' if sizes else ''}{sizes}{removes}"
+    removes = f"; removes {removed(finding, diagnosis)}" if sizes else ""
+    return f"{index}. {place(finding)}{': ' if sizes else ''}{sizes}{removes}{rivals(finding)}"
+
+
+def removed(finding: Finding, diagnosis: Diagnosis) -> str:
+    """Write the share of the mismatch that a finding removes, and of which mismatch."""
+    valve = all(name.startswith("pressure_") for name in finding.evidence.channels)
+    which = " between set-point and pressure" if valve and finding.evidence.channels else ""
+    return f"{100.0 * share(finding, diagnosis):.0f} % of the mismatch{which}"
+
+
+def rivals(finding: Finding) -> str:
+    """Write what the data cannot distinguish from a finding, with its own probability."""
+    if not finding.confusable_with:
+        return ""
+    others = " or ".join(f"{plain(one.effect)}, {describe(one.where)}" for one in finding.confusable_with)
+    own = "" if finding.probability is None else f" (probability {100.0 * finding.probability:.0f} %)"
+    return f"; these data cannot distinguish it{own} from {others}"
 
 
 def summary(diagnosis: Diagnosis) -> list[str]:
