@@ -1,20 +1,23 @@
 """``softarm bench real-data``: calibrate on real recordings, predict what was left out of the fit."""
 
 import os
-import subprocess
-import sys
 import time
-import tomllib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import click
 import numpy as np
-from scipy import constants
 
-from softarm.analysis.diagnosis.report import read_report
+from acceptance.real_diagnoses import (
+    ARM,
+    BARE,
+    LOADED,
+    arm_diagnoses,
+    diagnosed_beam,
+    diagnosed_valves,
+    weight,
+)
 from softarm.analysis.offline.alignment import quick_model
 from softarm.analysis.offline.inputs import cut, load_recordings
 from softarm.analysis.offline.resample import resample
@@ -45,8 +48,6 @@ from softarm.estimator.specimen import Calibration, Specimen, load_specimen
 from softarm.estimator.stretch import StretchLaw
 
 BESIDE = Path(__file__).parents[3] / "shared" / "recordings"
-ARM = "sopra_2021-07-09"
-BARE, LOADED = "beam_gravity_v2_a", "beam_load52_v2_a"
 HELD = (0.15, 0.6)  # s, while the beam is held level
 SEGMENT, STEPS = "single_segment_blackframe", (75, 125, 175, 225, 275, 325, 375)
 LINEAR_SOLVES, SEGMENT_SECONDS = 40, 200.0
@@ -85,7 +86,9 @@ def command(as_json: bool, quick: bool, write: Path | None) -> None:
         arm = arm_tables(folder, 60 if quick else 300, advance)
     with progress("the segment") as advance:
         segment = segment_tables(folder, advance)
-    tables = (*arm, *segment, *beam, diagnosed_beam(folder))
+    with progress("diagnoses") as advance:
+        diagnoses = (*arm_diagnoses(folder, advance), diagnosed_valves(folder), diagnosed_beam(folder))
+    tables = (*arm, *segment, *beam, *diagnoses)
     show(*tables, as_json=as_json)
     if write is not None:
         write.write_text(f"{PAGE}\n{as_markdown(*tables)}\n", encoding="utf-8")
@@ -342,47 +345,6 @@ def beam_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Table, 
     )
 
 
-def diagnosed_beam(folder: Path) -> Table:
-    """Diagnose the loaded beam, the bare one being its known state."""
-    with TemporaryDirectory() as scratch:
-        out = Path(scratch) / "report"
-        words = [
-            str(folder / LOADED),
-            "--nominal",
-            str(folder / BARE),
-            "--specimen",
-            "beam",
-            "--out",
-            str(out),
-        ]
-        subprocess.run([sys.executable, "-m", "softarm", "diagnose", *words], check=True, capture_output=True)
-        report = read_report(out)
-    rows: list[dict[str, Cell]] = [
-        {
-            "finding": finding.effect,
-            "section": finding.where.section or "",
-            "quantity": name,
-            "value": parameter.value,
-            "std": parameter.std,
-            "unit": parameter.unit,
-            "probability": finding.probability,
-        }
-        for finding in report.findings
-        for name, parameter in finding.parameters.items()
-    ]
-    known = _weight(folder / LOADED) / constants.g
-    return Table(
-        "Silicone beam: what softarm diagnose finds, told nothing of the weight",
-        rows,
-        (f"What hangs there: {known:.4g} kg.",),
-    )
-
-
-def _weight(folder: Path) -> float:
-    """Read the weight that is known to hang at the tip [N]."""
-    return float(tomllib.loads((folder / "truth.toml").read_text())["tip_load_n"])
-
-
 def settled(recording: Recording, duration: float = 1.0) -> tuple[float, float]:
     """Return the window at the end in which the swing has died away [s]."""
     end = float(recording.time[-1])
@@ -391,7 +353,7 @@ def settled(recording: Recording, duration: float = 1.0) -> tuple[float, float]:
 
 def _beam_row(folder: Path, calibrated: Specimen, advance: Callable[[float], None]) -> dict[str, Cell]:
     (recording,) = load_recordings([folder])
-    truth = _weight(folder)
+    truth = weight(folder)
     model = build_arm(calibrated)
     tip = model.sections.index("tip")
     ends = []
