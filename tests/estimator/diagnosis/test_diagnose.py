@@ -6,8 +6,15 @@ import pytest
 from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import diagnose as whole
+from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.conclude import error_over_expected
-from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, assemble, begin, diagnose
+from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, assemble, begin, diagnose, settled
+from softarm.estimator.diagnosis.innovations import (
+    channel_errors,
+    learnt_coefficients,
+    residuals_of,
+    residuals_out_of_fold,
+)
 from softarm.estimator.diagnosis.judge import CERTAIN
 from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
 from softarm.estimator.diagnosis.prepare import blocks_of
@@ -26,6 +33,9 @@ TRIED = (
     "pressure_bias",
 )
 WEAK = ("chamber_gain", Place(chamber=1), (-0.15,))
+REST = ("viscoelastic_creep", "hysteresis", "line_leak")
+RUNS, CREEPING = trial([])[2:], trial([("viscoelastic_creep", Place(), (0.3, 5.0, 0.0))])[2:]
+"""Recordings in question of an arm that creeps by 2 %, and by as much as 32 %."""
 
 
 def _diagnose(sessions: list[Session]) -> DiagnosisOutcome:
@@ -176,6 +186,50 @@ def test_confirming_data_can_only_take_a_finding_back(
     (found,) = weak.accepted
     assert not again.accepted
     assert any("not proven" in note and found.effect.name in note for note in again.diagnosis.notes)
+
+
+def test_without_nominal_recordings_only_what_recordings_show_for_certain_is_found() -> None:
+    """Every arm creeps a little, as this one does by 2 %; by 30 % is something that the model left out."""
+    little, much = (diagnose(model(), runs, Inline(), effects=REST).diagnosis for runs in (RUNS, CREEPING))
+    assert not little.findings
+    (finding,) = much.findings
+    assert finding.effect == "viscoelastic_creep"
+    strength = finding.parameters["strength"]
+    assert strength.value == pytest.approx(0.32, abs=2.0 * strength.std)
+    assert much.heldout.after < 0.1 * much.heldout.before
+
+
+def test_what_is_suspected_and_not_found_is_what_any_arm_may_have(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A search that refuses to name the creep of an arm predicts it as well as one that does."""
+    evidence = assemble(model(), CREEPING, Inline(), REST).evidence
+    named, decision = settled(evidence, fast=True)
+    assert named.suspected == decision.names == {"viscoelastic_creep"}
+    nothing = replace(decision, choice=ChosenEffects((), None, 1.0, None))
+    monkeypatch.setattr(whole, "decide", lambda _: nothing)
+    refused, _ = settled(evidence, fast=True)
+    assert not refused.suspected
+    errors = []
+    for search, fit in ((named, decision.choice.fit), (refused, None)):
+        left = residuals_of(search, fit, learnt_coefficients(search, fit))
+        errors.append(np.mean([one.after for one in channel_errors(search, left, left).values()]))
+    assert errors[1] < 1.5 * errors[0]
+
+
+def test_stretches_are_predicted_by_other_folds_alone() -> None:
+    """Whatever a stretch shows changes what is left of it as much as it changes its readings."""
+    search = begin(assemble(model(), RUNS, Inline(), REST).evidence, fast=True)
+    evidence, part = search.evidence, search.parts(None)[0]
+    assert not part.heldout
+    chosen = evidence.stages[part.session].session.blocks == part.block
+    moved = [residual.copy() for residual in evidence.residuals]
+    moved[part.session][chosen] += 0.01 * evidence.columns[part.session][chosen][..., 0]
+    other = replace(
+        search, evidence=replace(evidence, residuals=tuple(moved), kept={}), products={}, folded={}
+    )
+    before, after = (residuals_out_of_fold(one, None)[part.session] for one in (search, other))
+    by = moved[part.session] - evidence.residuals[part.session]
+    assert (after - before)[chosen] == pytest.approx(by[chosen], abs=1e-9)
+    assert np.abs((after - before)[~chosen]).max() > 1e-6
 
 
 def test_reported_data_decide_nothing(weak: DiagnosisOutcome, weak_sessions: list[Session]) -> None:

@@ -65,14 +65,14 @@ def test_a_line_is_learnt_outside_held_out_data_and_judged_on_what_is_reported()
 
 
 def test_white_noise_of_the_assumed_size_has_variance_1_and_no_correlation(search):
-    test = innovation_test(search, noise(search, ASSUMED))
+    test = innovation_test(search, *2 * [noise(search, ASSUMED)])
     assert set(test.variance) == set(test.correlation) == set(BENDS)
     assert list(test.variance.values()) == pytest.approx([1.0] * 4, abs=1.0)  # over that of as few samples
     assert list(test.correlation.values()) == pytest.approx([0.0] * 4, abs=0.35)
 
 
 def test_noise_that_is_larger_and_correlated_shows_in_the_residuals(search):
-    test = innovation_test(search, noise(search, 3.0 * ASSUMED, memory=0.9))
+    test = innovation_test(search, *2 * [noise(search, 3.0 * ASSUMED, memory=0.9)])
     assert min(test.residual_variance.values()) > 3.0
     assert min(test.residual_correlation.values()) > 0.6
 
@@ -80,7 +80,7 @@ def test_noise_that_is_larger_and_correlated_shows_in_the_residuals(search):
 def test_innovations_show_what_other_stretches_have_not_shown(search):
     left = noise(search, ASSUMED)
     left[1][search.evidence.stages[1].session.heldout] *= 3.0
-    assert min(innovation_test(search, left).variance.values()) > 4.0
+    assert min(innovation_test(search, left, left).variance.values()) > 4.0
 
 
 def test_what_a_vibration_leaves_uncertain_counts_in_the_assumed_noise(search):
@@ -90,7 +90,7 @@ def test_what_a_vibration_leaves_uncertain_counts_in_the_assumed_noise(search):
     ]
     other = SimpleNamespace(evidence=SimpleNamespace(stages=doubtful), weights=search.weights)
     left = noise(search, ASSUMED)
-    whole, half = (innovation_test(one, left).residual_variance for one in (search, other))
+    whole, half = (innovation_test(one, left, left).residual_variance for one in (search, other))
     assert half == pytest.approx({name: value / 4.0 for name, value in whole.items()})
 
 

@@ -44,7 +44,7 @@ from softarm.estimator.diagnosis.normal_equations import (
     with_columns,
 )
 from softarm.estimator.diagnosis.probability import CREDIBLE, probabilities
-from softarm.estimator.diagnosis.screen import null_scores, screen, usual_effect
+from softarm.estimator.diagnosis.screen import null_scores, screen, usual_gains
 from softarm.estimator.diagnosis.sizes import DECIDES, fragments
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
 from softarm.estimator.diagnosis.weights import weights_of
@@ -304,16 +304,16 @@ def test_what_explains_most_as_usual_is_fitted_as_well(library, usual, nominal, 
     ranked = [(k, 50.0 - k, np.ones(1)) for k in range(FINALISTS + 1)]
     search = SimpleNamespace(evidence=SimpleNamespace(library=library, has_nominal=nominal))
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(choose, "usual_effect", lambda *_: ("tip_payload", usual))
+        patch.setattr(choose, "usual_gains", lambda *_: {"tip_payload": usual, "line_lag": 0.5})
         found = Search.nominated(cast("Any", search), ranked, cast("Any", None))
     assert [number for number, *_ in found] == list(range(FINALISTS + fitted))
 
 
-def test_the_effect_that_explains_most_as_usual(library):
-    evidence = cast("Any", SimpleNamespace(nuisances=1, library=library))
+def test_what_a_usual_share_of_each_effect_explains():
+    evidence = cast("Any", SimpleNamespace(nuisances=1, effects=["tip_payload", "hysteresis", "hysteresis"]))
     shift, covariance = np.array([9.0, 1.0, 0.2, 3.0]), np.diag([1.0, 1.0, 0.01, 0.5])
     marginal = Marginal(np.eye(4), np.zeros(4), 500.0, 400.0, shift, covariance)
-    assert usual_effect(evidence, marginal) == ("chamber_gain", pytest.approx(18.0))
+    assert usual_gains(evidence, marginal) == pytest.approx({"tip_payload": 1.0, "hysteresis": 22.0})
 
 
 def test_an_unlikely_size_makes_an_explanation_less_probable():
@@ -503,7 +503,7 @@ class ArmOfOneEffect:
 
 def change_seen(change: float) -> float:
     arm = cast("Any", ArmOfOneEffect(change))
-    prior, width = prior_before(arm, cast("Any", SimpleNamespace(effective_sample_fraction=1.0)))
+    prior, width = prior_before(arm, cast("Any", SimpleNamespace(effective_sample_fraction=1.0)), frozenset())
     assert prior.mean == pytest.approx([0.4, 0.1], abs=0.02)
     assert width < MATERIAL
     return evidence_of_change(arm, prior, width, [part for part in arm.parts if not part.nominal], 1.0)
@@ -841,7 +841,8 @@ def test_halves_of_a_single_nominal_recording_show_what_changes_by_itself():
         arm = ArmOfOneEffect(change)
         halves = [(number, part) for number, part in enumerate(arm.parts) if number in (1, 4)]
         arm.parts = [replace(part, session=0, block=number, nominal=True) for number, part in halves]
-        return prior_before(cast("Any", arm), cast("Any", SimpleNamespace(effective_sample_fraction=1.0)))[1]
+        weights = cast("Any", SimpleNamespace(effective_sample_fraction=1.0))
+        return prior_before(cast("Any", arm), weights, frozenset())[1]
 
     assert width(0.0) < MATERIAL < width(0.5)
 

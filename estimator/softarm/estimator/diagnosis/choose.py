@@ -35,10 +35,11 @@ from softarm.estimator.diagnosis.natural_frequency import NaturalFrequency
 from softarm.estimator.diagnosis.nominal import UNKNOWN, background_of, usual_recordings
 from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, added, total
 from softarm.estimator.diagnosis.probability import BARE, probabilities, spent
-from softarm.estimator.diagnosis.screen import null_scores, screen, usual_effect
+from softarm.estimator.diagnosis.screen import null_scores, screen, usual_gains
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.effects import Effect, ParameterSpec
+from softarm.estimator.specimen.physics import EffectName
 
 MOST = 4
 """Largest number of effects."""
@@ -75,6 +76,7 @@ class Search:
         width: What that prior takes to change from run to run, in typical sizes.
         solve: Effects that are fitted again on the model itself once accepted, by where they enter it.
         natural_frequency: Those measured, where arms were released.
+        suspected: Effects that the prior leaves to the search where there are no nominal recordings.
         advance: Called with 1 after each step.
         kept: Residuals under fits that were asked for.
         products: Normal equations of these.
@@ -91,6 +93,7 @@ class Search:
     width: float = UNKNOWN
     solve: frozenset[str] = frozenset()
     natural_frequency: NaturalFrequency | None = None
+    suspected: frozenset[EffectName] = frozenset()
     advance: Callable[[float], None] = lambda _: None
     kept: dict[tuple[object, ...], list[Floats]] = field(default_factory=dict, compare=False)
     products: dict[tuple[object, ...], list[NormalEquations]] = field(default_factory=dict, compare=False)
@@ -159,8 +162,9 @@ class Search:
         """List what is fitted: the best of a ranking, and an effect of which a usual share explains more."""
         if not self.evidence.has_nominal:
             return list(ranked[:FINALISTS])
-        name, gain = usual_effect(self.evidence, marginal)
-        if gain <= ranked[0][1]:
+        gains = usual_gains(self.evidence, marginal)
+        name = max(gains, key=lambda one: gains[one], default=None)
+        if name is None or gains[name] <= ranked[0][1]:
             return list(ranked[:FINALISTS])
         hypotheses = self.evidence.library.hypotheses
         return [e for k, e in enumerate(ranked) if k < FINALISTS or hypotheses[e[0]].name == name]

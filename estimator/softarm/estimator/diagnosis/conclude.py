@@ -17,6 +17,7 @@ from softarm.estimator.diagnosis.innovations import (
     innovation_test,
     learnt_coefficients,
     residuals_of,
+    residuals_out_of_fold,
 )
 from softarm.estimator.diagnosis.judge import bootstrap
 from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
@@ -157,13 +158,14 @@ def _squares(search: Search, fit: Fit | None, common: Floats) -> tuple[Floats, F
 
 
 def heldout_result(
-    search: Search, predictions: Predictions, before: Residuals, after: Residuals, how: str
+    search: Search, fit: Fit | None, predictions: Predictions, before: Residuals, after: Residuals, how: str
 ) -> Heldout:
     """Judge the whole model on held-out data.
 
     Args:
         search: The search.
-        predictions: Costs of held-out stretches without and with all findings.
+        fit: All findings.
+        predictions: Costs of held-out stretches without and with them.
         before: Residuals of each session without them, shape (samples, rows).
         after: The same with them.
         how: In words, which data these are.
@@ -173,7 +175,8 @@ def heldout_result(
     if len(predictions.before) > 1 and not np.array_equal(predictions.before, predictions.after):
         interval = bootstrap(search.rng, predictions.before, predictions.after)
     errors = channel_errors(search, before, after)
-    return Heldout(rms_before, rms_after, interval, how, errors, innovation_test(search, after))
+    test = innovation_test(search, after, residuals_out_of_fold(search, fit))
+    return Heldout(rms_before, rms_after, interval, how, errors, test)
 
 
 def proven(search: Search) -> tuple[ChosenEffects, list[Accepted]]:

@@ -29,7 +29,7 @@ from softarm.estimator.diagnosis.library import Library, build_library, library_
 from softarm.estimator.diagnosis.locate import locate
 from softarm.estimator.diagnosis.motion import motions_of
 from softarm.estimator.diagnosis.natural_frequency import natural_frequency_of
-from softarm.estimator.diagnosis.nominal import evidence_of_change, passive, prior_before
+from softarm.estimator.diagnosis.nominal import evidence_of_change, passive, prior_before, suspects
 from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.nuisances import Nuisances, calibrate_sessions, only_drawn
 from softarm.estimator.diagnosis.pose import with_poses
@@ -43,6 +43,7 @@ from softarm.estimator.diagnosis.result import (
     Unexplained,
     Verdict,
 )
+from softarm.estimator.diagnosis.screen import usual_gains
 from softarm.estimator.diagnosis.session import Session, channels
 from softarm.estimator.diagnosis.sizes import without_fragments
 from softarm.estimator.diagnosis.split import excitation, hold_out
@@ -144,8 +145,9 @@ def diagnose(
         assembled = assemble(model, seen, executor, effects, advance)
         keep(assembled)
         advance("fitting")
-        search = begin(assembled.evidence, seed, fast=model.fast, advance=lambda _: advance("fitting"))
-        decision = decide(search)
+        search, decision = settled(
+            assembled.evidence, seed, fast=model.fast, advance=lambda _: advance("fitting")
+        )
         advance("judging")
         return assembled, search, decision
 
@@ -153,7 +155,7 @@ def diagnose(
     touches = find_touches(search, decision.choice.fit, model.specimen)
     if touches:
         assembled, search, decision = chosen([without_touches(session, touches) for session in sessions])
-    notes = (*notes, *assembled.notes, *_notes(search))
+    notes = (*notes, *assembled.notes, *_notes(search, decision.choice))
     if decision.dropped:
         dropped = ", ".join(decision.dropped)
         notes = (*notes, f"Fitted, but not proven and so not reported: {dropped}.")
@@ -237,6 +239,7 @@ def begin(
     *,
     fast: bool,
     advance: Callable[[float], None] = lambda _: None,
+    found: frozenset[EffectName] | None = None,
 ) -> Search:
     """Learn the noise and what nominal recordings teach, and prepare the search.
 
@@ -245,9 +248,11 @@ def begin(
         seed: Of everything random.
         fast: Whether the model may be solved for every effect.
         advance: Called after each step of the search.
+        found: What an earlier search has found; only this is looked for among what is suspected.
     """
     weights = evidence.weigh()
-    prior, width = prior_before(evidence, weights)
+    suspected = suspects(evidence, weights) if found is None else found
+    prior, width = prior_before(evidence, weights, suspected)
     return Search(
         with_poses(passive(evidence, prior), weights, prior),
         weights,
@@ -256,6 +261,7 @@ def begin(
         width=width,
         solve=SOLVED if fast else DIRECT,
         natural_frequency=natural_frequency_of(evidence.stages),
+        suspected=suspected,
         advance=advance,
     )
 
@@ -282,6 +288,11 @@ class Decision:
     unnamed: float
     remainder: float
     changed: bool
+
+    @property
+    def names(self) -> frozenset[EffectName]:
+        """Names of the effects that are reported."""
+        return frozenset(one.candidate.fit.hypotheses[-1].name for one in self.choice.accepted)
 
     def verdict(self, *, explained: bool) -> Verdict:
         """Put it into one word.
@@ -321,6 +332,29 @@ def decide(search: Search) -> Decision:
     return Decision(replace(choice, fit=sizes), tuple(withdrawn), law, probability, remainder, changed)
 
 
+def settled(
+    evidence: RegressionProblem,
+    seed: int = 0,
+    *,
+    fast: bool,
+    advance: Callable[[float], None] = lambda _: None,
+) -> tuple[Search, Decision]:
+    """Search and decide; what was suspected and not found is then what any arm may have.
+
+    Args:
+        evidence: Residuals and columns.
+        seed: Of everything random.
+        fast: Whether the model may be solved for every effect.
+        advance: Called after each step of the search.
+    """
+    search = begin(evidence, seed, fast=fast, advance=advance)
+    decision = decide(search)
+    while not search.suspected <= (found := decision.names):
+        search = begin(evidence, seed, fast=fast, advance=advance, found=search.suspected & found)
+        decision = decide(search)
+    return search, decision
+
+
 def _is_doubtful(choice: ChosenEffects) -> bool:
     """Return whether an effect that was turned down shows that something is missing."""
     turned_down = choice.turned_down
@@ -348,19 +382,28 @@ def _common_world(stages: Sequence[Stage]) -> Stage:
     return max(stages, key=lambda stage: len(stage.world.sensors))
 
 
-def _notes(search: Search) -> list[str]:
+def _notes(search: Search, choice: ChosenEffects) -> list[str]:
     known = [stage.session.name for stage in search.evidence.stages if stage.session.nominal]
     if known:
         return [
             f"The reference is {', '.join(known)}: what these recordings also show is not reported. Changes "
             f"of up to {search.width:.0%} of an effect's typical size occur from run to run and do not count."
         ]
+    notes = [
+        "No nominal recording was given: what any arm may have of itself is no finding, and what the model "
+        "has always got wrong of this arm cannot be distinguished from a change of it."
+    ]
+    gains = usual_gains(search.evidence, search.marginal(choice.fit))
+    usual = sorted((name for name in gains if gains[name] > CHANGED), key=lambda name: -gains[name])
+    if usual:
+        words = ", ".join(name.replace("_", " ") for name in usual)
+        notes.append(f"These recordings show such a share of {words}.")
     if search.evidence.fitted.layout.of(Area).any():
-        return [
-            "No nominal recording was given and the specimen was never calibrated: moduli, and the areas "
-            "that pressures push on, were calibrated on these recordings, so no change of them is sought."
-        ]
-    return ["No nominal recording was given, so the reference is the specimen itself."]
+        notes.append(
+            "The specimen was never calibrated: moduli, and the areas that pressures push on, were "
+            "calibrated on these recordings, so no change of them is sought."
+        )
+    return notes
 
 
 def _outcome(
@@ -375,7 +418,7 @@ def _outcome(
     baseline = _baseline(suspects, evidence.floors)
     verdict = decision.verdict(explained=bool(findings))
     before, after = before_and_after(search, choice.fit)
-    heldout = heldout_result(search, predictions, before, after, assembled.how)
+    heldout = heldout_result(search, choice.fit, predictions, before, after, assembled.how)
     unexplained = replace(
         _unexplained(verdict, heldout.after, remaining_map, law),
         over_nominal=decision.remainder if len(suspects) < len(evidence.stages) else None,

@@ -23,6 +23,7 @@ from softarm.estimator.diagnosis.nuisances import Nuisances
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage, fading
 from softarm.estimator.diagnosis.weights import Weights, weights_of
+from softarm.estimator.specimen.physics import EffectName
 
 Singles = NDArray[np.float32]
 
@@ -87,6 +88,11 @@ class RegressionProblem:
     def has_nominal(self) -> bool:
         """Whether any session shows the arm in its known state."""
         return any(stage.session.nominal for stage in self.stages)
+
+    @property
+    def effects(self) -> list[EffectName]:
+        """Effect of each direction."""
+        return [self.library.hypotheses[direction.hypothesis].name for direction in self.library.directions]
 
     @property
     def names(self) -> list[tuple[str, ...]]:
@@ -252,15 +258,19 @@ class RegressionProblem:
         return float(np.sqrt(np.nanmean(np.concatenate(squares)))) if squares else 0.0
 
     def _fullest(self, weights: Weights, residuals: Sequence[Floats], *, nominal: bool) -> list[Floats]:
-        """Return what everything at once leaves of nominal, or other, recordings, widened by what it fits."""
+        """Return what everything at once leaves of nominal, or other, recordings, widened by what it fits.
+
+        It fits independent samples, of which there are fewer than samples.
+        """
         every = self.products(weights, residuals)
         parts = [p for p in every if not p.heldout and p.nominal == nominal]
         if not parts:
             return list(residuals)
-        everything = total(parts, self.size)
-        posterior = self.prior(FULLEST, FULLEST).posterior(everything, 1.0)
-        spent = float(np.einsum("ij,ji->", posterior.covariance, everything.matrix))
-        widen = np.sqrt(everything.count / max(everything.count - spent, 0.1 * everything.count))
+        everything, fraction = total(parts, self.size), weights.effective_sample_fraction
+        posterior = self.prior(FULLEST, FULLEST).posterior(everything, fraction)
+        spent = fraction * float(np.einsum("ij,ji->", posterior.covariance, everything.matrix))
+        count = fraction * everything.count
+        widen = np.sqrt(count / max(count - spent, 0.1 * count))
         return [
             widen * (residual - c @ posterior.mean) if stage.session.nominal == nominal else residual
             for stage, residual, c in zip(self.stages, residuals, self.columns, strict=True)

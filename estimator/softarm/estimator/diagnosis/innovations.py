@@ -33,6 +33,32 @@ def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[
     ]
 
 
+def residuals_out_of_fold(search: Search, fit: Fit | None) -> list[Floats]:
+    """Compute measured minus predicted of searched stretches, with common coefficients that others show.
+
+    A model follows the stretches that it was fitted to, so that what it leaves of them is less than what it
+    leaves of others.
+
+    Args:
+        search: The search.
+        fit: Effects.
+
+    Returns:
+        Of each session, shape (samples, rows); of other stretches with the coefficients of all searched ones.
+    """
+    residuals = residuals_of(search, fit, learnt_coefficients(search, fit))
+    parts, folds = [part for part in search.parts(fit) if not part.heldout], search.folds(fit)
+    for numbers, rest in zip(folds.numbers, folds.rest, strict=True):
+        for part in (parts[k] for k in numbers):
+            stage = search.evidence.stages[part.session]
+            chosen = stage.session.blocks == part.block
+            columns = search.evidence.columns[part.session][chosen]
+            residuals[part.session][chosen] = (
+                search.residuals(fit)[part.session][chosen] - columns @ rest.mean
+            )
+    return residuals
+
+
 def residuals_as_known(search: Search, fit: Fit | None) -> list[Floats]:
     """Compute what the calibrated model leaves of nominal recordings, and with all findings of the others.
 
@@ -111,7 +137,7 @@ def channel_errors(search: Search, before: Residuals, after: Residuals) -> dict[
     return errors
 
 
-def innovation_test(search: Search, residuals: Residuals) -> InnovationTest:
+def innovation_test(search: Search, residuals: Residuals, searched: Residuals) -> InnovationTest:
     """Compare held-out residuals with the noise that was assumed, and with the memory that others show.
 
     Residuals are over the standard deviation that the choice assumed. Their mean square is about zero, so
@@ -121,10 +147,11 @@ def innovation_test(search: Search, residuals: Residuals) -> InnovationTest:
     Args:
         search: The search.
         residuals: Of each session with all findings, shape (samples, rows).
+        searched: Those of the searched stretches, as far as others predict them; see
+            ``residuals_out_of_fold``.
     """
-    reported_errors, held_out_errors = (
-        _standardised(search, residuals, reported=reported) for reported in (False, True)
-    )
+    searched_errors = _standardised(search, searched, reported=False)
+    held_out_errors = _standardised(search, residuals, reported=True)
     kept = {
         name: value
         for name in held_out_errors
@@ -132,7 +159,7 @@ def innovation_test(search: Search, residuals: Residuals) -> InnovationTest:
     }
     variance, correlation, chance = {}, {}, {}
     for name in kept:
-        process = Autoregression.fitted(reported_errors.get(name, []))
+        process = Autoregression.fitted(searched_errors.get(name, []))
         innovations = [process.innovations(one) for one in held_out_errors[name]]
         size = _mean([one**2 for one in innovations])
         if np.isfinite(size):

@@ -9,9 +9,12 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.evidence import BACKGROUND, RegressionProblem
 from softarm.estimator.diagnosis.folds import Marginaliser
 from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
+from softarm.estimator.diagnosis.judge import CERTAIN
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, total
+from softarm.estimator.diagnosis.screen import usual_gains
 from softarm.estimator.diagnosis.weights import Weights
+from softarm.estimator.specimen.physics import EffectName
 
 WIDTHS = (0.01, 0.03, 0.06, 0.12, 0.25)
 """Standard deviations tried for what changes of each effect from run to run, in typical sizes."""
@@ -20,27 +23,44 @@ WIDEST = 0.5
 MATERIAL = 0.1
 """Changes by less, in typical sizes, are as between any two manoeuvres of one arm."""
 UNKNOWN = 0.03
-"""The same where no nominal recording tells."""
+"""What changes from run to run, in typical sizes, where no nominal recording tells."""
 LEAST = 2.0
 """Deviations by which an arm may seem to have less than none of what only dissipates."""
 NUISANCE = 0.1
 """What changes of the calibration from run to run, in its prior spread, per typical size of effects."""
 
 
-def prior_before(evidence: RegressionProblem, weights: Weights) -> tuple[Gaussian, float]:
+def prior_before(
+    evidence: RegressionProblem, weights: Weights, suspected: frozenset[EffectName]
+) -> tuple[Gaussian, float]:
     """Return the prior with which the recordings in question are judged, and the width it rests on.
+
+    Without nominal recordings nobody knows what the arm has of itself: it may be as much as any arm has, but
+    of effects that are looked for.
 
     Args:
         evidence: All recordings.
         weights: Noise model.
+        suspected: Effects that are looked for without nominal recordings; see ``suspects``.
     """
     parts = [part for part in evidence.products(weights) if part.nominal]
-    if not parts:
-        return evidence.prior(UNKNOWN, UNKNOWN), UNKNOWN
     prior = evidence.sound()
+    if not parts:
+        looked_for = np.array([name in suspected for name in evidence.effects])
+        narrow = np.append(np.ones(evidence.nuisances), np.where(looked_for, UNKNOWN / BACKGROUND, 1.0))
+        return Gaussian(prior.mean, prior.covariance * np.outer(narrow, narrow)), UNKNOWN
     width = _width(evidence, prior, parts, weights.effective_sample_fraction)
     learnt = prior.posterior(total(parts, evidence.size), weights.effective_sample_fraction)
     return learnt.inflate(_spreads(evidence, width)), width
+
+
+def suspects(evidence: RegressionProblem, weights: Weights) -> frozenset[EffectName]:
+    """Return the effects that recordings without nominal ones show for certain, wherever they act."""
+    if evidence.has_nominal:
+        return frozenset()
+    searched = total([part for part in evidence.products(weights) if not part.heldout], evidence.size)
+    gains = usual_gains(evidence, Marginal.of(evidence.sound(), searched, weights.effective_sample_fraction))
+    return frozenset(name for name, gain in gains.items() if gain > CERTAIN)
 
 
 def passive(evidence: RegressionProblem, prior: Gaussian) -> RegressionProblem:

@@ -48,18 +48,16 @@ def screen(
     return sorted(ranked, key=lambda entry: -entry[1])
 
 
-def usual_effect(evidence: RegressionProblem, marginal: Marginal) -> tuple[EffectName | None, float]:
-    """Return the effect of which a usual share explains most, anywhere on the arm, and what that gains.
+def usual_gains(evidence: RegressionProblem, marginal: Marginal) -> dict[EffectName, float]:
+    """Return by how much a usual share of each effect, anywhere on the arm, lowers the cost.
 
     What every arm may have of an effect leaves little to a change of it. It may still explain more than a
     change of any other effect.
     """
     columns: dict[EffectName, list[int]] = {}
-    for column, direction in enumerate(evidence.library.directions, evidence.nuisances):
-        columns.setdefault(evidence.library.hypotheses[direction.hypothesis].name, []).append(column)
-    gains = {name: marginal.usual_gain(own) for name, own in columns.items()}
-    name = max(gains, key=lambda one: gains[one], default=None)
-    return name, 0.0 if name is None else gains[name]
+    for column, name in enumerate(evidence.effects, evidence.nuisances):
+        columns.setdefault(name, []).append(column)
+    return {name: marginal.usual_gain(own) for name, own in columns.items()}
 
 
 def null_scores(evidence: RegressionProblem, marginal: Marginal, rng: np.random.Generator) -> Floats:
