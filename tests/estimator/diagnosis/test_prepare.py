@@ -81,6 +81,25 @@ def test_the_noise_of_means_falls_with_the_root_of_their_number() -> None:
     np.testing.assert_allclose(mean.readings.mean(axis=0), session.readings.mean(axis=0), atol=1e-3)
 
 
+@pytest.mark.parametrize("begin", [-0.2, 0.003, 1.7e9])
+@pytest.mark.parametrize(("rate", "seconds"), [(50.0, 600.0), (100.0, 75.0), (240.0, 300.0), (120.0, 1.5)])
+def test_samples_are_in_the_same_windows_and_stretches_wherever_time_begins(
+    begin: float, rate: float, seconds: float
+) -> None:
+    def blocks(start: float) -> tuple[list[float], list[int]]:
+        time = start + np.arange(round(rate * seconds)) / rate
+        columns = {"pressure_0_pa": 2e4 * np.sin(0.3 * (time - start)) ** 2}
+        columns |= {f"bend_tip_{axis}_rad": np.arange(len(time)) * 1e-5 for axis in "xy"}
+        found = averaged(
+            prepare(Recording("run", time, columns), SOPRA, SECTIONS, nominal=False).session, 0.1
+        )
+        return found.readings[:, 0].tolist(), found.blocks.tolist()
+
+    (means, stretches), (other_means, other_stretches) = blocks(0.0), blocks(begin)
+    assert other_means == pytest.approx(means, abs=1e-12)
+    assert other_stretches == stretches
+
+
 def test_gravity_that_is_not_a_vector_is_refused() -> None:
     with pytest.raises(InputError, match="gravity_m_s2: is"):
         prepare(_recording(gravity_m_s2=[0.0, 9.81]), SOPRA, SECTIONS, nominal=False)

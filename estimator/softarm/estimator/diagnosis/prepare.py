@@ -28,6 +28,8 @@ RINGING = 0.11
 """Windows longer than this [s] are there to average a vibration away."""
 QUIETEST, QUIET_SIZE = 10.0, 0.1257
 """Percentile of the changes between windows at rest that tells the noise, and that of a standard normal."""
+ROUNDING = 1e-3
+"""Share of a window by which a clock may be rounded without its samples changing windows."""
 RESTING = 500.0
 """Pressures that change by less within a window rest [Pa]."""
 
@@ -106,7 +108,7 @@ def averaged(session: Session, step: float) -> Session:
         step: Length of a window [s]; a session that is slower stays as it is.
     """
     count = max(1, round(step / session.step))
-    windows = ((session.clock - session.clock[0]) / (count * session.step) + 1e-9).astype(np.int64)
+    windows = ((session.clock - session.clock[0]) / (count * session.step) + ROUNDING).astype(np.int64)
     numbers, places = np.unique(windows, return_inverse=True)
     size = len(numbers)
     events = session.event_readings
@@ -142,8 +144,8 @@ def _steady(session: Session, places: NDArray[np.int64], size: int) -> Flags:
 def blocks_of(time: Floats) -> Indices:
     """Number the stretches of time that samples belong to."""
     seconds = float(time[-1] - time[0])
-    length = min(BLOCK, max(seconds, 1e-9) / LEAST_BLOCKS * (1 + 1e-9))
-    blocks: Indices = ((time - time[0]) // length).astype(np.int64)
+    length = min(BLOCK, max(seconds, 1e-9) / LEAST_BLOCKS * (1.0 + 2.0 * ROUNDING))
+    blocks: Indices = ((time - time[0]) / length + ROUNDING).astype(np.int64)
     return blocks
 
 

@@ -8,6 +8,9 @@ from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.sensing import ActuationMap, SensorSuite
 from softarm.estimator.simulation import Drive
 
+LONGER = 50
+"""Factor between spans by which a step is told: rounding must not amount to half a step of the longer one."""
+
 
 @dataclass(frozen=True)
 class Session:
@@ -74,8 +77,17 @@ class Session:
 
     @property
     def step(self) -> float:
-        """Time between samples [s]."""
-        return float(np.median(np.diff(self.clock)))
+        """Time between samples [s].
+
+        A difference of neighbours carries the rounding of the clock, a quarter of a microsecond in seconds
+        since 1970, which over minutes is a sample. Longer spans tell the step better, once a shorter one has
+        told how many steps they are.
+        """
+        step, lag = float(np.median(np.diff(self.clock))), LONGER
+        while lag < len(self.clock) // 8:  # few spans hold a gap then
+            span = float(np.median(self.clock[lag:] - self.clock[:-lag]))
+            step, lag = span / max(round(span / step), 1), LONGER * lag
+        return step
 
     def drive(self, actuation: ActuationMap, segments: int) -> Drive:
         """Return what acts on the arm, the actuation's gains and biases included."""
