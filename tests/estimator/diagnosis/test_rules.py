@@ -22,7 +22,7 @@ from softarm.estimator.diagnosis.candidates import (
     surprise,
 )
 from softarm.estimator.diagnosis.choose import DELAY_SHARE, FINALISTS, SECOND, Search
-from softarm.estimator.diagnosis.conclude import lost_by_chance, unproven, without_improbable
+from softarm.estimator.diagnosis.conclude import lost_by_chance, unknown, unproven, without_improbable
 from softarm.estimator.diagnosis.diagnose import Decision
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Folds
@@ -44,6 +44,7 @@ from softarm.estimator.diagnosis.normal_equations import (
     with_columns,
 )
 from softarm.estimator.diagnosis.probability import CREDIBLE, probabilities
+from softarm.estimator.diagnosis.result import Heldout, Unexplained
 from softarm.estimator.diagnosis.screen import null_scores, screen, usual_gains
 from softarm.estimator.diagnosis.sizes import DECIDES, fragments
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
@@ -636,6 +637,25 @@ def test_an_effect_that_was_found_and_disproved_is_a_sign_of_something_unknown(m
     )
     assert decision.dropped == ("tip_payload",)
     assert decision.changed is (probability > 0.5)
+
+
+@pytest.mark.parametrize(("gain", "once"), [(1.1 * CERTAIN, True), (3.0 * CERTAIN, False)])
+def test_what_a_single_pose_shows_is_reported_without_a_name(monkeypatch, gain, once):
+    """A candidate that holds in all but its number of poses is no finding, but the arm is not consistent."""
+    shown = judgement(delta_bic=gain, least=2.0 * CERTAIN)
+    assert shown.seen_once is once
+    assert shown.accepted is not once
+    turned_down = candidate(fit_of("tip_payload", 0.02), gain), shown
+    decision = decide_on(monkeypatch, ChosenEffects((), None, 0.0, turned_down), unnamed_probability=0.0)
+    assert decision.changed is once
+    if once:
+        assert decision.seen_once is not None
+        finding = unknown(
+            Unexplained(4.0), Heldout(4.0, 4.0, (0.0, 0.0), ""), 0.0, None, 0.0, decision.seen_once
+        )
+        assert finding.effect == "unknown"
+        assert [one.effect for one in finding.confusable_with] == ["tip_payload"]
+        assert "tip payload of the tip section" in finding.statement
 
 
 def searching(library: Library) -> Search:

@@ -19,7 +19,7 @@ from softarm.estimator.diagnosis.candidates import (
     surprise,
 )
 from softarm.estimator.diagnosis.evidence import RegressionProblem
-from softarm.estimator.diagnosis.excursions import excursions_of
+from softarm.estimator.diagnosis.excursions import excursions_of, samples_near_one_pose
 from softarm.estimator.diagnosis.fit import (
     Fit,
     MarginalisedProblem,
@@ -401,17 +401,19 @@ class Search:
             return judgement
         return replace(judgement, least=CERTAIN * self.weights.effective_sample_fraction * seen.samples)
 
-    def weighted_squares(self, candidate: Candidate) -> Iterator[tuple[Floats, Floats]]:
-        """Yield, of each recording in question, its time and the weighted squares of a candidate's change.
+    def weighted_squares(self, candidate: Candidate) -> Iterator[tuple[Floats, Floats, float]]:
+        """Yield, of each recording in question, what ``excursions_of`` takes of a candidate's change.
 
-        Only those of searched samples are not zero, each of shape (samples,).
+        Weighted squares of reported samples are zero. Those of samples that confirm count: if they do not
+        show the effect, it is taken back.
         """
         for number, stage in enumerate(self.evidence.stages):
             session = stage.session
             if not session.nominal:
-                used = np.isfinite(self.evidence.residuals[number]) & ~session.heldout[:, None]
+                used = np.isfinite(self.evidence.residuals[number]) & ~session.reported[:, None]
                 change = self.change(stage, candidate.fit) / self.evidence.scale(self.weights, number)
-                yield session.clock, np.sum(np.where(used, np.nan_to_num(change), 0.0) ** 2, axis=1)
+                squares = np.sum(np.where(used, np.nan_to_num(change), 0.0) ** 2, axis=1)
+                yield session.clock, squares, samples_near_one_pose(stage.reading_rows)
 
     def predicted(self, candidate: Candidate, fit: Fit | None) -> FoldCosts:
         """Return how well folds of the searched stretches are predicted with a candidate and without."""

@@ -20,6 +20,7 @@ from softarm.estimator.diagnosis.innovations import (
     residuals_out_of_fold,
 )
 from softarm.estimator.diagnosis.judge import bootstrap
+from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 from softarm.estimator.diagnosis.probability import (
     BARE,
@@ -391,9 +392,14 @@ def findings_of(search: Search, choice: ChosenEffects, unnamed: float) -> tuple[
 
 
 def unknown(
-    unexplained: Unexplained, heldout: Heldout, search_p: float, law: UnnamedLaw | None, probability: float
+    unexplained: Unexplained,
+    heldout: Heldout,
+    search_p: float,
+    law: UnnamedLaw | None,
+    probability: float,
+    seen_once: Hypothesis | None = None,
 ) -> Finding:
-    """Report that something is missing which no known effect explains.
+    """Report that something is missing which no known effect explains for certain.
 
     Args:
         unexplained: Where it sits and what it varies with, as far as that is known.
@@ -401,6 +407,7 @@ def unknown(
         search_p: Chance that the whole search finds as much where nothing is missing.
         law: A law without a name that outdoes the effects that were found, where it does.
         probability: Posterior probability that what is missing has no name.
+        seen_once: What explains it, but in a single pose.
     """
     sits = (
         f" They differ most at {describe(unexplained.where)}, and {dependence(unexplained.when)}."
@@ -408,6 +415,15 @@ def unknown(
         else ""
     )
     differ = "Model and recordings differ, and no known effect improves the prediction of unseen data."
+    rivals: tuple[Rival, ...] = ()
+    if law is None and seen_once is not None:
+        name, place = seen_once.name, seen_once.place
+        words = name.replace("_", " ")
+        differ = (
+            f"Model and recordings differ. A known effect would explain it, {words} of {describe(place)}, "
+            "but these recordings show it in a single pose, and of one pose the model may be wrong."
+        )
+        rivals = (Rival(name, place, "the same in several other poses", 0.0),)
     return Finding(
         effect="unknown",
         where=unexplained.where,
@@ -421,7 +437,8 @@ def unknown(
             (0.0, 0.0),
             search_p,
         ),
-        probability=probability,
+        confusable_with=rivals,
+        probability=None if rivals else probability,
     )
 
 

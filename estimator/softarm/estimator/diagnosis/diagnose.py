@@ -25,7 +25,7 @@ from softarm.estimator.diagnosis.events import EventErrors, event_errors
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.form import form_columns
 from softarm.estimator.diagnosis.innovations import before_and_after, worst_over_nominal, worst_stretch
-from softarm.estimator.diagnosis.library import Library, build_library, library_columns
+from softarm.estimator.diagnosis.library import Hypothesis, Library, build_library, library_columns
 from softarm.estimator.diagnosis.locate import locate
 from softarm.estimator.diagnosis.motion import motions_of
 from softarm.estimator.diagnosis.natural_frequency import natural_frequency_of
@@ -280,6 +280,7 @@ class Decision:
         changed: Whether the recordings in question have changed more than the effects say; where there are
             none, whether more is left than of unchanged arms, or something without a name is likelier than
             not.
+        seen_once: What would be reported, had the recordings shown it in more than one pose.
     """
 
     choice: ChosenEffects
@@ -288,6 +289,7 @@ class Decision:
     unnamed: float
     remainder: float
     changed: bool
+    seen_once: Hypothesis | None = None
 
     @property
     def names(self) -> frozenset[EffectName]:
@@ -329,7 +331,16 @@ def decide(search: Search) -> Decision:
     if law is None and not found and (changed or unproven or _is_doubtful(choice)):
         probability = probability if asked else unnamed_probability(search, CHANGED, disproved)
         changed = more_is_left or probability > LIKELIER
-    return Decision(replace(choice, fit=sizes), tuple(withdrawn), law, probability, remainder, changed)
+    seen_once = None if choice.fit is not None else _seen_once(choice)
+    return Decision(
+        replace(choice, fit=sizes),
+        tuple(withdrawn),
+        law,
+        probability,
+        remainder,
+        changed or seen_once is not None,
+        seen_once,
+    )
 
 
 def settled(
@@ -353,6 +364,13 @@ def settled(
         search = begin(evidence, seed, fast=fast, advance=advance, found=search.suspected & found)
         decision = decide(search)
     return search, decision
+
+
+def _seen_once(choice: ChosenEffects) -> Hypothesis | None:
+    """Return the effect that was turned down only since the recordings show it in a single pose."""
+    if choice.turned_down is None or not choice.turned_down[1].seen_once:
+        return None
+    return choice.turned_down[0].fit.hypotheses[-1]
 
 
 def _is_doubtful(choice: ChosenEffects) -> bool:
@@ -425,7 +443,8 @@ def _outcome(
         worst=worst_stretch(search, after),
     )
     if verdict == "unexplained":
-        findings = (unknown(unexplained, heldout, choice.alarm_p, law, decision.unnamed),)
+        missing = unknown(unexplained, heldout, choice.alarm_p, law, decision.unnamed, decision.seen_once)
+        findings = (missing,)
     diagnosis = Diagnosis(
         specimen=evidence.specimen,
         recordings=tuple(stage.session.name for stage in suspects),

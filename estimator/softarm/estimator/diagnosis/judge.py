@@ -49,14 +49,23 @@ class Judgement:
 
     @property
     def accepted(self) -> bool:
-        """Whether all of it holds.
+        """Whether all of it holds."""
+        return self.holds and self.delta_bic >= self.least
+
+    @property
+    def seen_once(self) -> bool:
+        """Whether all of it would hold, had the effect been seen in more than one pose."""
+        return self.holds and not self.accepted
+
+    @property
+    def holds(self) -> bool:
+        """Whether all of it holds but for the number of poses.
 
         A wall that is reached in one fold leaves resamplings of the others as they were: a gain of 0.
         """
         certain = self.delta_bic >= self.certain and self.after < self.before
         return (
-            self.delta_bic >= self.least
-            and (self.gain_ci95[0] >= 0.0 or certain)
+            (self.gain_ci95[0] >= 0.0 or certain)
             and (self.share >= MATERIAL or self.change >= REPEATABLE)
             and self.search_p <= FALSE_ALARM
         )
