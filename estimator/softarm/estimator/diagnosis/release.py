@@ -10,6 +10,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.session import Session
+from softarm.estimator.errors import InputError
 
 RINGS = 8.0
 """Periods after which a vibration counts as decayed."""
@@ -46,6 +47,10 @@ def find_release(session: Session, natural_frequency: float | None) -> Release |
 
     Returns:
         ``None`` where pressures drive it or it does not vibrate.
+
+    Raises:
+        InputError: The recording ends before the vibration has decayed. What it shows is the hand that held
+            the arm.
     """
     if natural_frequency is None or float(session.pressures.max(initial=0.0)) > UNDRIVEN:
         return None
@@ -60,7 +65,14 @@ def find_release(session: Session, natural_frequency: float | None) -> Release |
         return None
     settled = np.asarray(time >= time[first] + RINGS / natural_frequency)
     if settled.sum() < LEAST_SAMPLES:
-        return None
+        least = RINGS / natural_frequency + LEAST_SAMPLES * session.step
+        begin, end = float(time[first]), float(time[-1])
+        raise InputError(
+            session.name,
+            f"the arm was let go at {begin:.2f} s, and the recording ends {end - begin:.2f} s later, before "
+            f"its vibration of {natural_frequency:.1f} Hz has decayed",
+            f"record at least {least:.1f} s after the release",
+        )
     return Release(replace(session.thin(settled), natural_frequency=natural_frequency), float(time[first]))
 
 

@@ -56,6 +56,8 @@ STEP = 0.1
 """Shortest window of a mean in long recordings [s]."""
 SHORT = 20.0
 """Recordings below it [s] are looked at more closely."""
+SLOWEST, FASTEST = 1.5, 15.0
+"""Frequencies between which soft arms and beams vibrate [Hz]."""
 FEW = 400
 """Different inputs up to which finite elements are fast enough."""
 
@@ -340,16 +342,20 @@ def _step(session: Session, frequency: float | None) -> float:
 
 
 def ring_frequency(session: Session) -> float | None:
-    """Find the frequency of a vibration of 1.5 to 15 Hz [Hz]; ``None`` where there is none."""
+    """Find the frequency of a vibration of a soft arm [Hz]; ``None`` where there is none.
+
+    Half of the power of the speed must lie between these and below the Nyquist frequency. The recording must
+    resolve the band: it lasts for two periods of its lowest frequency and more.
+    """
     readings = session.readings[:, np.isfinite(session.readings).any(axis=0)]
     count = len(readings)
-    if count < 64 or session.step > 0.03:
+    if session.seconds < 2.0 / SLOWEST:
         return None
     column = readings[:, int(np.argmax(np.nanstd(readings, axis=0)))]
     rates = np.gradient(np.nan_to_num(column, nan=float(np.nanmean(column))))
     power = np.abs(np.fft.rfft(rates - rates.mean())) ** 2
     frequencies = np.fft.rfftfreq(count, session.step)
-    band = (frequencies >= 1.5) & (frequencies <= 15.0)
+    band = (frequencies >= SLOWEST) & (frequencies <= FASTEST)
     if not band.any() or power[band].sum() < 0.5 * power.sum():
         return None
     return float(frequencies[band][int(np.argmax(power[band]))])
