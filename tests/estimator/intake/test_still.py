@@ -122,3 +122,15 @@ def test_a_recording_without_noise_is_left_alone(bends: Recording) -> None:
     columns |= {f"pressure_{k}_pa": np.zeros(len(bends.time)) for k in (1, 2, 4, 5)}
     still = replace(bends, columns=columns)
     assert mend_still(still, SPECIMEN)[1] == ()
+
+
+@pytest.mark.parametrize("seconds", [0.5, 3.0])
+@pytest.mark.parametrize("since", [5.0, FROM])
+def test_missing_rows_hide_no_axis_that_stands_still(bends: Recording, since: float, seconds: float) -> None:
+    """An axis that rests because nothing drives it is left alone on either side of them."""
+    kept = np.asarray((bends.time < since) | (bends.time >= since + seconds))
+    assert mend_still(bends.window(kept), SPECIMEN)[1] == ()
+    held = {"bend_tip_x_rad": 0.1, "bend_tip_y_rad": -0.2}
+    _, (fault,) = mend_still(_held(bends, held, 0.0, noise=2e-3).window(kept), SPECIMEN)
+    assert "bend_tip stands still at 5.7 and -11.5 degrees" in fault.statement
+    assert fault.interval == pytest.approx((0.0, bends.time[-1]), abs=1.0)

@@ -40,7 +40,7 @@ class BendAxes:
 
     Args:
         values: Both axes [rad], NaN where lost, shape (windows, 2).
-        drive: v [Pa], shape (windows, 2).
+        drive: v [Pa], NaN in windows without a sample, shape (windows, 2).
     """
 
     values: Floats
@@ -72,13 +72,20 @@ class BendAxes:
             shown = [gain for bend in bends for gain in bend.without(during).gains() if gain is not None]
             shown += [gain for bend in bends if bend is not self for gain in bend.gains() if gain is not None]
             least = min((float(np.linalg.norm(gain)) for gain in shown), default=0.0)
-            motion = least * self.drive @ np.linalg.svd(self.drive - self.drive.mean(axis=0))[2][0]
+            motion = least * self.drive @ _strongest(self.drive)
         inside = _spread(motion[during])
         return inside if inside > DRIVEN * _spread(motion) else 0.0
 
 
+def _strongest(drive: Floats) -> Floats:
+    """Return the direction in which the drive moves most, a unit vector of shape (2,)."""
+    sampled = drive[np.isfinite(drive).all(axis=1)]
+    direction: Floats = np.linalg.svd(sampled - sampled.mean(axis=0), full_matrices=False)[2][0]
+    return direction
+
+
 def _gain(drive: Floats, values: Floats) -> Floats | None:
-    seen = np.isfinite(values)
+    seen = np.isfinite(values) & np.isfinite(drive).all(axis=1)
     if seen.sum() < 5:
         return None
     causes, effects = (part[seen] - part[seen].mean(axis=0) for part in (drive, values))
