@@ -396,6 +396,33 @@ def test_bends_beyond_a_whole_turn_are_in_degrees(good: Recording, *, chambers: 
         np.testing.assert_allclose(mended.columns[name], 0.2 * good.columns[name])
 
 
+@pytest.mark.usefixtures("without_events")
+@pytest.mark.parametrize("shift", [0.0, 2.0])
+@pytest.mark.parametrize("section", ["intermediate", "tip"])
+def test_the_unit_of_a_bend_is_its_own(good: Recording, section: str, shift: float) -> None:
+    good = arm.only("bend")(good)
+    mixed = arm.scaled(f"bend_{section}", "_rad", 57.29578)(arm.shifted(("bend",), shift)(good))
+    intake = take_in(mixed, SPECIMEN)
+    _require(intake.sentences, f"the bends of {section} were converted for this run")
+    _require_alike(intake.recording, good)
+
+
+def test_a_bend_in_degrees_that_no_chamber_drives_is_in_the_unit_of_the_other(good: Recording) -> None:
+    vented = arm.scaled("pressure_", "_pa", 1.0)
+    for column in (f"pressure_{cmd}{k}_pa" for cmd in ("", "cmd_") for k in (3, 4, 5)):
+        vented = arm.both(vented, arm.scaled(column, "", 0.0))
+    degrees = arm.both(arm.scaled("bend_", "_rad", 57.29578), arm.scaled("bend_tip", "", 0.01))
+    mended, (found,) = mend_units(arm.both(vented, degrees)(good), SPECIMEN)
+    assert "the bends reach" in found.what
+    np.testing.assert_allclose(mended.columns["bend_tip_x_rad"], 0.01 * good.columns["bend_tip_x_rad"])
+
+
+def test_a_bend_beside_degrees_that_may_be_in_either_unit_is_refused(good: Recording) -> None:
+    mixed = arm.both(arm.scaled("bend_tip", "_rad", 57.29578), arm.scaled("bend_intermediate", "_rad", 5.0))
+    (refusal,) = take_in(mixed(good), SPECIMEN).refusals
+    assert "in degrees or in radians; give all bends in radians" in str(refusal)
+
+
 def test_a_chamber_that_is_commanded_to_open_hardly_at_all_is_no_other_unit(good: Recording) -> None:
     slow = 1000.0 * (1.0 - np.cos(0.2 * good.time))
     columns = {"pressure_cmd_3_pa": slow, "pressure_3_pa": 100.0 * np.round(0.3 * slow / 100.0)}

@@ -15,6 +15,16 @@ from itertools import product
 import numpy as np
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.intake.bend_units import (
+    ALIKE,
+    ANGLES,
+    DRIVEN,
+    SEEN,
+    angle_columns,
+    around_themselves,
+    in_radians,
+    mixed_bends,
+)
 from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.hypotheses import Explanation, choose
 from softarm.estimator.intake.lengths import mend_lengths
@@ -45,9 +55,6 @@ STATED = {
 """Units that ``pressure_unit`` may state."""
 BEYOND_LIMIT = 10.0
 """Times the limit that no pressure reaches: no chamber bears it, so a unit that says so is another."""
-TURN = 2.0 * np.pi
-"""Bend [rad] that no section reaches: it would lie around itself."""
-ANGLES = {"radians": (1.0, 0.0), "degrees": (np.pi / 180.0, -3.0)}
 USUAL_PRESSURE, BELOW, ABOVE = 0.6, 1.0, 0.4
 """Usual largest pressure over the limit, and its spread (logarithm) below and above."""
 USUAL_BEND, BEND_SPREAD = 0.8, 1.0
@@ -61,9 +68,6 @@ NEVER_VENTED = -6.0
 """Logarithm of the prior that no chamber ever comes below half of the largest pressure."""
 NOISY = 0.15
 """Change from sample to sample over the range from which pressures are noise; white noise has 0.29."""
-ALIKE = 0.05
-"""What chambers that are filled alike do apart, over what they do together, below which it is no more than
-the few percent by which valves err."""
 SAME_AIR = 2e3
 """Vented chambers read the same air within this [Pa]."""
 RESTS = 20
@@ -113,6 +117,10 @@ def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
     if contradictions:
         return mended, (*lengths, *contradictions)
     aligned = _aligned(mended, specimen)
+    in_degrees, mixed = mixed_bends(mended, aligned, specimen)
+    if not all(one.mended for one in mixed):
+        return mended, (*lengths, *mixed)
+    mended, aligned = (in_radians(one, in_degrees) for one in (mended, aligned))
     strays: tuple[RecordingFault, ...] = ()
     if stated is None:
         mended, strays = _single_chambers(mended, aligned, specimen)
@@ -120,7 +128,7 @@ def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
     if all(one.mended for one in found):
         mended, absolute = _single_absolute(mended, specimen)
         found = (*found, *absolute)
-    return mended, (*lengths, *strays, *found)
+    return mended, (*lengths, *mixed, *strays, *found)
 
 
 def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
@@ -281,14 +289,6 @@ def _aligned(recording: Recording, specimen: Specimen) -> Recording:
     return replace(mended, columns={**mended.columns, **back})
 
 
-def _around_itself(recording: Recording) -> bool:
-    """Return whether bends are larger than any in radians."""
-    bends = [np.linalg.norm(recording.bend(section), axis=1) for section in recording.bends]
-    return any(
-        np.percentile(bend[np.isfinite(bend)], 99.5) > TURN for bend in bends if np.isfinite(bend).any()
-    )
-
-
 def _explanations(
     recording: Recording, aligned: Recording, specimen: Specimen, stated: str | None
 ) -> list[Explanation[Units]]:
@@ -303,7 +303,7 @@ def _explanations(
         for kind in ("measured", "commanded")
     }
     angles = tuple(ANGLES) if slope is not None and recording.bends else ("radians",)
-    if _around_itself(recording):
+    if around_themselves(recording):
         angles = ("degrees",)
     absolute, absolute_commands = (
         (False, True) if sizes[kind] is not None else (False,) for kind in ("measured", "commanded")
@@ -381,14 +381,14 @@ def _bend_per_pressure(recording: Recording, specimen: Specimen) -> float | None
     pressures = np.column_stack([recording.pressure(k)[0] for k in recording.chambers])
     read = np.isfinite(pressures) | ~np.isfinite(pressures).any(axis=0)
     pressures = np.nan_to_num(pressures)
-    moved = np.ptp(pressures, axis=0) > 0.2 * max(float(np.ptp(pressures, axis=0).max(initial=0.0)), 1e-12)
+    moved = np.ptp(pressures, axis=0) > DRIVEN * max(float(np.ptp(pressures, axis=0).max(initial=0.0)), 1e-12)
     seen = read.all(axis=1) & np.isfinite(bends).all(axis=1)
     if not moved.any() or seen.sum() < 20:
         return None
     p, y = pressures[seen][:, moved], bends[seen]
     p, y = p - p.mean(axis=0), y - y.mean(axis=0)
     slopes, *_ = np.linalg.lstsq(p, y, rcond=ALIKE)
-    if float(((y - p @ slopes) ** 2).sum()) > 0.7 * float((y**2).sum()):
+    if float(((y - p @ slopes) ** 2).sum()) > SEEN * float((y**2).sum()):
         return None
     sizes = np.linalg.norm(slopes.reshape(len(slopes), -1, 2 if recording.bends else 3), axis=2).max(axis=1)
     return float(np.median(sizes))
@@ -494,7 +494,7 @@ def _named(recording: Recording, units: Units) -> tuple[tuple[str, ...], tuple[s
         above = "absolute, " if above_vacuum else ""
         words.append(f"the {kind} pressures reach {top:.4g} and are {above}in {unit}")
     if units.angle != "radians":
-        names = tuple(f"bend_{section}_{axis}_rad" for section in recording.bends for axis in "xy")
+        names = angle_columns(recording.bends)
         columns += names
         top = max(float(np.nanmax(np.abs(recording.columns[name]))) for name in names)
         words.append(f"the bends reach {top:.4g} and are in {units.angle}")
@@ -507,9 +507,6 @@ def _converted(recording: Recording, units: Units, offsets: Mapping[str, float])
         factor = PRESSURES[getattr(units, kind)][0]
         for name in pressure_columns(recording, kind):
             columns[name] = columns[name] * factor - offsets.get(kind, 0.0)
-    for section in recording.bends:
-        for axis in "xy":
-            columns[f"bend_{section}_{axis}_rad"] = (
-                columns[f"bend_{section}_{axis}_rad"] * ANGLES[units.angle][0]
-            )
+    for name in angle_columns(recording.bends):
+        columns[name] = columns[name] * ANGLES[units.angle][0]
     return replace(recording, columns=columns)
