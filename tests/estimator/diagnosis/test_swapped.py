@@ -104,8 +104,20 @@ def test_against_the_model_exchanged_sensors_are_refused(known: list[Session]) -
 def test_against_the_model_exchanged_chambers_are_refused(known: list[Session]) -> None:
     run = session("run", 11)
     exchanged = replace(run, pressures=run.pressures[:, [0, 1, 2, 5, 4, 3]])
-    with pytest.raises(InputError, match="pressure_3_pa and pressure_5_pa look exchanged"):
+    with pytest.raises(InputError, match="the pressures of chambers 3 and 5 look exchanged"):
         refuse_swapped(_stages(known, exchanged))
+
+
+def test_a_chamber_without_pressures_is_never_one_whose_columns_to_exchange(known: list[Session]) -> None:
+    run = session("run", 11)
+    alone = np.zeros_like(run.pressures)
+    alone[:, 3] = run.pressures[:, 3]
+    response = _stages(known, replace(run, pressures=alone))[-1]
+    renamed = replace(
+        run, pressures=alone[:, [0, 1, 2, 5, 4, 3]], readings=response.reading_rows - response.residual
+    )
+    with pytest.raises(InputError, match="chamber 5 were in chamber 3, which is vented; name its columns"):
+        refuse_swapped(_stages(known, renamed))
 
 
 def test_a_few_samples_accuse_no_channel(columns: dict[str, np.ndarray]) -> None:

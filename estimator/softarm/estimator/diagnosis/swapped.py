@@ -125,7 +125,7 @@ def refuse_swapped(stages: Sequence[Stage]) -> None:
     for a, b in combinations(range(chambers), 2):
         exchanged = sum(_squares(stage, stage.residual - _exchanged(stage, a, b)) for stage in suspects)
         if exchanged < CLEARLY * plain:
-            raise _refusal(names, f"pressure_{a}_pa and pressure_{b}_pa")
+            raise _chambers(names, suspects, a, b)
     sensors = suspects[0].suite.measurements
     for one, other in combinations(sensors, 2):
         if one.reading_size != other.reading_size:
@@ -133,6 +133,16 @@ def refuse_swapped(stages: Sequence[Stage]) -> None:
         exchanged = sum(_squares(stage, _misread(stage, one.name, other.name)) for stage in suspects)
         if exchanged < CLEARLY * plain:
             raise _refusal(names, f"{one.name} and {other.name}")
+
+
+def _chambers(names: str, stages: Sequence[Stage], one: int, other: int) -> InputError:
+    """Refuse recordings in which two chambers look exchanged, of which one may never be filled."""
+    filled = [k for k in (one, other) if any(stage.session.pressures[:, k].any() for stage in stages)]
+    if len(filled) > 1:
+        return _refusal(names, f"the pressures of chambers {one} and {other}")
+    given, vented = filled[0], one + other - filled[0]
+    what = f"the arm bends as if the pressure of chamber {given} were in chamber {vented}, which is vented"
+    return InputError(names, what, f"name its columns after chamber {vented}, or check the tubes")
 
 
 def _refusal(names: str, pair: str) -> InputError:

@@ -54,13 +54,15 @@ def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
 
 def _seen(recording: Recording, specimen: Specimen, base: str) -> bool:
     """Whether the frame or a marker of the base was read at any time."""
-    seen = [recording.pose(base)] if base in recording.frames else []
-    seen += [
-        recording.marker(m.name)
-        for m in specimen.markers
-        if m.section == base and m.name in recording.markers
-    ]
-    return any(bool(np.isfinite(values).all(axis=1).any()) for values in seen)
+    framed = base in recording.frames and bool(np.isfinite(recording.pose(base)).all(axis=1).any())
+    return framed or bool(_base_markers(recording, specimen))
+
+
+def _base_markers(recording: Recording, specimen: Specimen) -> list[str]:
+    """List the markers of the base that were read at any time."""
+    named = [m.name for m in specimen.markers if m.section == specimen.sections[0].name]
+    present = [name for name in named if name in recording.markers]
+    return [name for name in present if np.isfinite(recording.marker(name)).all(axis=1).any()]
 
 
 def _against_base(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ...]:
@@ -68,10 +70,13 @@ def _against_base(recording: Recording, specimen: Specimen) -> tuple[RecordingFa
     found = registered_directions(recording, specimen)
     if found is None or not (found.is_mirrored or found.is_rotated):
         return ()
-    words = _directions(found) + ", as the base registers it"
+    by_markers = len(_base_markers(recording, specimen)) >= 3
+    words = _directions(found, handed=by_markers) + ", as the base registers it"
     cure = (
         "export a right-handed laboratory, or number the chambers as the specimen does"
         if found.is_mirrored
+        else "number the chambers as the specimen does, or name the base's markers as it does"
+        if by_markers
         else "turn the axes of the base's body as the specimen's are, or number the chambers as it does"
     )
     names = tuple(body.name for body in bodies_of(recording, specimen))
@@ -159,13 +164,22 @@ def _calm(recording: Recording, specimen: Specimen) -> tuple[NDArray[np.bool_], 
 def _turned(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
     """State by how much the directions in which pressures bend the arm are rotated, if they are."""
     found = bending_directions(recording, specimen, bodies)
-    return "" if found is None else _directions(found)
+    return "" if found is None else _directions(found, handed=False)
 
 
-def _directions(found: BendingDirections) -> str:
+def _directions(found: BendingDirections, *, handed: bool) -> str:
+    """State how the directions in which pressures bend the arm differ from the specimen's; empty if not.
+
+    Args:
+        found: The directions.
+        handed: Whether something else shows that the laboratory is not mirrored: three markers of the base
+            fit their places in a mirrored laboratory only with the arm on the wrong side of them.
+    """
     if found.is_mirrored:
         return "pressures bend the arm as in a mirrored frame"
     if found.is_rotated:
         angle = np.degrees(found.rotation)
-        return f"pressures bend the arm in directions rotated by {angle:.0f} degrees about its axis"
+        return f"pressures bend the arm in directions rotated by {angle:.0f} degrees about its axis" + (
+            "" if handed or found.is_handed else ", or the laboratory is mirrored"
+        )
     return ""
