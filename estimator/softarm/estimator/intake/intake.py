@@ -8,6 +8,7 @@ from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.events import find_events
+from softarm.estimator.intake.exchanges import mend_exchanges
 from softarm.estimator.intake.frozen import frozen_pressures, unread_pressures
 from softarm.estimator.intake.labels import mend_labels
 from softarm.estimator.intake.limits import over_limit
@@ -91,6 +92,7 @@ STEPS: tuple[Step, ...] = (
     mend_placeholders,
     mend_units,
     mend_lost,
+    mend_exchanges,
     mend_still,
     mend_signs,
     mend_sections,

@@ -95,22 +95,13 @@ class Labelling:
 
 def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Find exchanged markers and a mirrored laboratory, and mend them where one explanation wins."""
-    chosen = [
-        marker
-        for marker in specimen.markers
-        if marker.name in recording.markers and np.isfinite(recording.marker(marker.name)).all(axis=1).any()
-    ]
-    markers = MarkerLayout(
-        tuple(m.name for m in chosen),
-        tuple(m.section for m in chosen),
-        np.array([m.offset_m for m in chosen]),
-    )
+    markers = _layout(recording, specimen)
     if not any(len(markers.of(section)) >= 3 for section in set(markers.sections)):
         return recording, ()
     points = Points(_samples(recording, markers), markers)
     if not len(points.places):
         return recording, ()
-    sensible = Labelling(tuple(range(len(chosen))), False)
+    sensible = Labelling(tuple(range(len(markers.names))), False)
     tried = [
         Explanation(Labelling(labels, mirrored), _likelihood(points, specimen, labels, mirrored))
         for labels, mirrored in product(_labellings(markers), (False, True))
@@ -137,6 +128,30 @@ def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     odds = choice.odds if choice.unambiguous and shown == best else np.inf
     after = _worst(points, shown.labels, shown.mirrored)
     return _renamed(recording, specimen, markers, shown, odds, before, after)
+
+
+def likelihood_as_named(recording: Recording, specimen: Specimen) -> float:
+    """Compute the logarithm of the likelihood of markers under their names, in the better handedness."""
+    markers = _layout(recording, specimen)
+    points = Points(_samples(recording, markers), markers)
+    if not len(points.places):
+        return 0.0
+    labels = tuple(range(len(markers.names)))
+    return max(_likelihood(points, specimen, labels, mirrored) for mirrored in (False, True))
+
+
+def _layout(recording: Recording, specimen: Specimen) -> MarkerLayout:
+    """Collect the specimen's markers that a recording saw."""
+    chosen = [
+        marker
+        for marker in specimen.markers
+        if marker.name in recording.markers and np.isfinite(recording.marker(marker.name)).all(axis=1).any()
+    ]
+    return MarkerLayout(
+        tuple(m.name for m in chosen),
+        tuple(m.section for m in chosen),
+        np.array([m.offset_m for m in chosen]),
+    )
 
 
 def _rivals(tried: Sequence[Explanation[Labelling]], best: Explanation[Labelling]) -> list[Labelling]:

@@ -1,0 +1,79 @@
+"""Markers of one rigid body: exchanged for a while, standing still, and off their places."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from softarm.estimator.intake.exchanges import mend_exchanges
+from softarm.estimator.recording import Recording
+from softarm.estimator.specimen.body import Marker
+from tests.estimator.intake import small_arm as arm
+
+SPECIMEN = arm.specimen()
+
+
+@pytest.fixture(scope="module")
+def good() -> Recording:
+    return arm.small_arm(parts=("marker",))
+
+
+def _exchanged(recording: Recording, names: tuple[str, ...], since: float, until: float) -> Recording:
+    """Give each marker the name of the next one for a while."""
+    during = (recording.time >= since) & (recording.time < until)
+    columns = dict(recording.columns)
+    for one, other in zip(names, (*names[1:], names[0]), strict=True):
+        for axis in "xyz":
+            name, source = (f"marker_{marker}_{axis}_m" for marker in (one, other))
+            columns[name] = np.where(during, recording.columns[source], recording.columns[name])
+    return replace(recording, columns=columns)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_markers_that_keep_their_distances_are_left_alone(seed: int) -> None:
+    recording = arm.small_arm(seed)
+    assert mend_exchanges(recording, SPECIMEN) == (recording, ())
+
+
+@pytest.mark.parametrize(("since", "until"), [(40.0, 80.0), (0.0, 30.0), (20.0, 20.5)])
+@pytest.mark.parametrize("names", [("tip0", "tip1"), ("tip0", "tip1", "tip2"), ("base1", "base2")])
+def test_markers_that_are_exchanged_for_a_while_are_mended(
+    good: Recording, names: tuple[str, ...], since: float, until: float
+) -> None:
+    mended, (fault,) = mend_exchanges(_exchanged(good, names, since, until), SPECIMEN)
+    assert fault.mended
+    words = f"from {since:.2f} to {until - 1.0 / arm.RATE:.2f} s: between two samples they jump by"
+    assert words in fault.statement
+    assert ("exchanged" if len(names) == 2 else "permuted") in fault.statement
+    for name, values in good.columns.items():
+        np.testing.assert_array_equal(mended.columns[name], values)
+
+
+def test_names_between_stretches_are_not_known_where_a_marker_was_not_seen(good: Recording) -> None:
+    exchanged = _exchanged(good, ("tip0", "tip1"), 40.0, 80.0)
+    unseen = (good.time > 39.0) & (good.time < 41.0)
+    lost = {
+        f"marker_tip2_{axis}_m": np.where(unseen, np.nan, good.marker("tip2")[:, k])
+        for k, axis in enumerate("xyz")
+    }
+    mended, _ = mend_exchanges(replace(exchanged, columns={**exchanged.columns, **lost}), SPECIMEN)
+    assert np.isnan(mended.marker("tip0")[unseen]).all()
+    np.testing.assert_array_equal(mended.marker("tip0")[~unseen], good.marker("tip0")[~unseen])
+
+
+def test_exchanged_markers_of_alike_places_are_refused_without_the_base(good: Recording) -> None:
+    alike = tuple(
+        Marker(name=f"tip{k}", section="tip", offset_m=place)
+        for k, place in enumerate(((0.03, 0.0, 0.0), (-0.02, 0.025, 0.0), (-0.02, -0.025, 0.0)))
+    )
+    specimen = SPECIMEN.model_copy(update={"markers": alike})
+    framed = arm.small_arm(parts=("frame",))
+    turns, pose = arm.from_quaternions(framed.pose("tip")[:, 3:]), framed.pose("tip")[:, :3]
+    columns = {n: v for n, v in framed.columns.items() if n.startswith("pressure")}
+    for marker in alike:
+        place = pose + turns @ np.array(marker.offset_m)
+        columns |= {f"marker_{marker.name}_{axis}_m": place[:, k] for k, axis in enumerate("xyz")}
+    recording = Recording("run", good.time, columns, {})
+    _, (fault,) = mend_exchanges(_exchanged(recording, ("tip1", "tip2"), 40.0, 80.0), specimen)
+    assert not fault.mended
+    assert "correct the names in the export" in fault.statement
