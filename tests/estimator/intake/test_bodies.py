@@ -5,7 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from softarm.analysis.diagnosis.intake import mismatch_finding
 from softarm.estimator.intake.exchanges import mend_exchanges
+from softarm.estimator.intake.still import mend_still
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.body import Marker
 from tests.estimator.intake import small_arm as arm
@@ -32,7 +34,8 @@ def _exchanged(recording: Recording, names: tuple[str, ...], since: float, until
 @pytest.mark.parametrize("seed", range(4))
 def test_markers_that_keep_their_distances_are_left_alone(seed: int) -> None:
     recording = arm.small_arm(seed)
-    assert mend_exchanges(recording, SPECIMEN) == (recording, ())
+    for mend in (mend_exchanges, mend_still):
+        assert mend(recording, SPECIMEN) == (recording, ())
 
 
 @pytest.mark.parametrize(("since", "until"), [(40.0, 80.0), (0.0, 30.0), (20.0, 20.5)])
@@ -77,3 +80,27 @@ def test_exchanged_markers_of_alike_places_are_refused_without_the_base(good: Re
     _, (fault,) = mend_exchanges(_exchanged(recording, ("tip1", "tip2"), 40.0, 80.0), specimen)
     assert not fault.mended
     assert "correct the names in the export" in fault.statement
+
+
+@pytest.mark.parametrize("seconds", [1.5, 80.0])
+@pytest.mark.parametrize("noise", [0.0, 5e-5])
+def test_a_marker_that_stands_still_in_a_moving_body_is_stuck(
+    good: Recording, noise: float, seconds: float
+) -> None:
+    """However short the recording: the first motion begins at 2 s."""
+    window = good.window((good.time >= 2.0) & (good.time < 2.0 + seconds))
+    rng = np.random.default_rng(1)
+    held = {
+        f"marker_tip0_{axis}_m": window.marker("tip0")[0, k] + noise * rng.normal(size=len(window.time))
+        for k, axis in enumerate("xyz")
+    }
+    mended, (fault,) = mend_still(replace(window, columns={**window.columns, **held}), SPECIMEN)
+    assert "while its distance from others of its body changes by" in fault.statement
+    assert "tip0" not in mended.markers
+    finding = mismatch_finding(fault)
+    assert (finding.effect, finding.where.sensor) == ("sensor_stuck", "marker_tip0")
+
+
+def test_a_marker_of_the_base_with_the_name_of_another_body_is_not_stuck(good: Recording) -> None:
+    named = arm.exchanged("marker_tip0", "marker_base1")(good)
+    assert mend_still(named, SPECIMEN) == (named, ())

@@ -4,20 +4,24 @@ A sensor that lives shows noise. Where one repeats a number for seconds although
 times, or another one shows noise meanwhile, it stands still. Where it goes on showing noise, what it should
 see decides: chambers bend a section towards their azimuths a_k, so the drive v = sum_k p_k (cos a_k, sin a_k)
 becomes a bend B v, with B a gain times a rotation or a reflection. Each axis tells what the other should see.
-A body that hangs below one that moves cannot stand still.
+A body that hangs below one that moves cannot stand still, nor can a marker whose distances from the others of
+its body change.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.diagnosis.stuck import ASKED, LEAST, REPEATED
+from softarm.estimator.intake.bodies import rigid_bodies
 from softarm.estimator.intake.grid import pressures_of, pushes_of
+from softarm.estimator.intake.labels import MISFIT, PLACED
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.intake.streams import QUIET, SPREAD, SampledStream, streams_of
-from softarm.estimator.recording import Recording
+from softarm.estimator.recording import MARKER_SUFFIXES, Recording
 from softarm.estimator.series import window_means
 from softarm.estimator.specimen import Specimen
 
@@ -138,7 +142,7 @@ class Still:
 def mend_still(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Count as lost what sensors and axes read while they stand still, and name each."""
     faults: list[RecordingFault] = []
-    for find in (_repeated, _unmoved, _left_behind):
+    for find in (_stopped, _repeated, _unmoved, _left_behind):
         columns = dict(recording.columns)
         for one in _merged(find(recording, specimen), recording.time):
             faults.append(one.fault(recording))
@@ -169,6 +173,60 @@ def _merged(found: Sequence[Still], time: Floats) -> list[Still]:
         else:
             merged.append(one)
     return merged
+
+
+def _stopped(recording: Recording, specimen: Specimen) -> list[Still]:
+    """Find markers that stand still while the others of their body, whose own distances stay, move away.
+
+    One that was never near its place in the body is a marker of another body with its name.
+    """
+    if len(recording.time) < 2:
+        return []
+    windows = _windows(recording.time)
+    offsets = {marker.name: np.array(marker.offset_m) for marker in specimen.markers}
+    found = []
+    for names in rigid_bodies(recording, specimen):
+        readings = {name: recording.marker(name) for name in names}
+        places = {name: window_means(one, windows, int(windows[-1]) + 1) for name, one in readings.items()}
+        for name in names:
+            others = [places[other] for other in names if other != name]
+            for during, seen in _quiet(recording.time, readings[name], places[name], QUIET["m"], WINDOW):
+                apart = max(_stretch(other[during], places[name][during]) for other in others)
+                kept = max(_stretch(a[during], b[during]) for a, b in combinations(others, 2))
+                near = _off_place(name, {n: place[during] for n, place in places.items()}, offsets)
+                if apart > max(QUIET["m"], CLEAR * kept) and near < MISFIT * PLACED:
+                    words = f"while its distance from others of its body changes by {1e3 * apart:.1f} mm"
+                    columns = tuple(f"marker_{name}_{suffix}" for suffix in MARKER_SUFFIXES)
+                    found.append(Still(f"marker_{name}", None, columns, seen, words))
+    return found
+
+
+def _off_place(name: str, places: Mapping[str, Floats], offsets: Mapping[str, Floats]) -> float:
+    """Return how far a marker is from its distances to the others when it is nearest to them [m].
+
+    Args:
+        name: The marker.
+        places: Of the markers of its body [m], shape (windows, 3) each.
+        offsets: Their places in the specimen [m], shape (3,) each.
+    """
+    off = [
+        np.abs(np.linalg.norm(place - places[name], axis=1) - np.linalg.norm(offsets[other] - offsets[name]))
+        for other, place in places.items()
+        if other != name
+    ]
+    largest = np.max(off, axis=0)
+    return float(np.min(largest[np.isfinite(largest)], initial=np.inf))
+
+
+def _stretch(one: Floats, other: Floats) -> float:
+    """Return by how much the distance of two markers changes [m], 0 where they were never seen together.
+
+    Args:
+        one: Places of a marker [m], shape (windows, 3).
+        other: Those of the other.
+    """
+    apart = np.linalg.norm(one - other, axis=1)
+    return float(np.ptp(apart[np.isfinite(apart)])) if np.isfinite(apart).any() else 0.0
 
 
 def _repeated(recording: Recording, specimen: Specimen) -> list[Still]:
@@ -288,15 +346,16 @@ def _windows(time: Floats) -> Indices:
 
 
 def _quiet(
-    time: Floats, readings: Floats, values: Floats, limits: Floats | float
+    time: Floats, readings: Floats, values: Floats, limits: Floats | float, least: float = LEAST
 ) -> Iterator[tuple[slice, Indices]]:
-    """List the longest stretches of at least ``LEAST`` seconds in which all means stay within limits.
+    """List the longest stretches in which all means stay within limits.
 
     Args:
         time: [s], shape (samples,).
         readings: Shape (samples, columns).
         values: Their means, shape (windows, columns).
         limits: Of each column.
+        least: How long a stretch lasts at least [s].
 
     Returns:
         The windows of each stretch, and the samples in them that were read.
@@ -307,10 +366,10 @@ def _quiet(
         high = np.fmax.accumulate(values[first:], axis=0)
         left = (high - low > limits).any(axis=1)
         beyond = first + int(np.argmax(np.append(left, True)))
-        if (beyond - first) * WINDOW < LEAST:
+        if (beyond - first) * WINDOW < least:
             first += 1
             continue
         seen = np.flatnonzero((windows >= first) & (windows < beyond) & read)
-        if len(seen) and np.ptp(time[seen]) >= LEAST:
+        if len(seen) and np.ptp(time[seen]) >= least:
             yield slice(first, beyond), seen
         first = beyond
