@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.intake import mismatch_finding
+from softarm.estimator.intake.bodies import mend_places
 from softarm.estimator.intake.exchanges import mend_exchanges
 from softarm.estimator.intake.still import mend_still
 from softarm.estimator.recording import Recording
@@ -31,10 +32,19 @@ def _exchanged(recording: Recording, names: tuple[str, ...], since: float, until
     return replace(recording, columns=columns)
 
 
+def _moved(recording: Recording, marker: str, by: tuple[float, float, float]) -> Recording:
+    """Move a marker in its body."""
+    framed = arm.small_arm(parts=("frame", "marker"))
+    turns = arm.from_quaternions(framed.pose(marker[:-1])[:, 3:])
+    moved = recording.marker(marker) + turns @ np.array(by)
+    columns = {f"marker_{marker}_{axis}_m": moved[:, k] for k, axis in enumerate("xyz")}
+    return replace(recording, columns={**recording.columns, **columns})
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_markers_that_keep_their_distances_are_left_alone(seed: int) -> None:
     recording = arm.small_arm(seed)
-    for mend in (mend_exchanges, mend_still):
+    for mend in (mend_exchanges, mend_still, mend_places):
         assert mend(recording, SPECIMEN) == (recording, ())
 
 
@@ -104,3 +114,28 @@ def test_a_marker_that_stands_still_in_a_moving_body_is_stuck(
 def test_a_marker_of_the_base_with_the_name_of_another_body_is_not_stuck(good: Recording) -> None:
     named = arm.exchanged("marker_tip0", "marker_base1")(good)
     assert mend_still(named, SPECIMEN) == (named, ())
+
+
+@pytest.mark.parametrize("marker", ["tip0", "tip2"])
+def test_a_marker_off_its_place_is_left_out_where_it_alone_can_be(good: Recording, marker: str) -> None:
+    mended, (fault,) = mend_places(_moved(good, marker, (0.003, 0.0045, 0.0)), SPECIMEN)
+    assert f"marker {marker} is off its place in its body" in fault.statement
+    assert marker not in mended.markers
+    assert len(mended.markers) == 5
+
+
+def test_a_marker_off_its_place_is_used_where_another_may_be_off_instead(good: Recording) -> None:
+    along = np.subtract(arm.BODIES["tip"][0], arm.BODIES["tip"][1])
+    across = np.subtract(arm.BODIES["tip"][0], arm.BODIES["tip"][2])
+    by = np.cross(across, np.cross(along, across))
+    recording = _moved(good, "tip0", tuple(0.004 * by / np.linalg.norm(by)))
+    mended, (fault,) = mend_places(recording, SPECIMEN)
+    assert "tip0 or tip1 is off the place in the specimen" in fault.statement
+    assert mended == recording
+
+
+def test_a_base_keeps_the_three_markers_that_register_it(good: Recording) -> None:
+    recording = _moved(good, "base0", (0.004, 0.004, 0.0))
+    mended, (fault,) = mend_places(recording, SPECIMEN)
+    assert "used as they are" in fault.statement
+    assert mended == recording

@@ -6,6 +6,7 @@ from pathlib import Path
 from softarm.estimator.diagnosis.stuck import stuck_pressures, without_pressures
 from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
+from softarm.estimator.intake.bodies import mend_places
 from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.events import find_events
 from softarm.estimator.intake.exchanges import mend_exchanges
@@ -97,6 +98,7 @@ STEPS: tuple[Step, ...] = (
     mend_signs,
     mend_sections,
     mend_labels,
+    mend_places,
     check_mount,
     mend_clocks,
     mend_bends,
