@@ -7,10 +7,12 @@ import pytest
 from scipy.special import erf
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.placed import signals_of
 from softarm.estimator.effects.rubber import losses, slipping, yielding
 from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.rotations import exp, to_quaternions
+from softarm.estimator.specimen.physics import Place
 from tests.estimator.effects.effects_bench import SUITE, WORLD, drive_of, placed, run, step_drive
 from tests.estimator.simulation.straight_arm import straight_arm
 
@@ -417,6 +419,20 @@ def test_a_faulty_sensor_errs_alone(name: str, theta: list[float], expected):
     assert np.allclose(faulty.readings["bend_tip"], expected(drive.time, reading), atol=1e-9)
     assert np.array_equal(faulty.readings["bend_intermediate"], plain.readings["bend_intermediate"])
     assert set(faulty.readings) == {sensor.name for sensor in SUITE.measurements}
+
+
+@pytest.mark.parametrize(
+    ("sensor", "name", "unit", "words"),
+    [
+        ("bend_tip", "yaw", "rad", "5.73 degrees off about the axis of the arm"),
+        ("marker_tip1", "offset_z", "m", "100 mm off along the axis of the arm"),
+    ],
+)
+def test_a_marker_is_off_by_a_length_along_the_arm_and_by_no_angle(sensor, name, unit, words):
+    misaligned, place = EFFECTS["frame_misalignment"], Place(sensor=sensor)
+    (parameter,) = misaligned.parameters
+    assert (misaligned.reported(parameter, place), misaligned.unit(parameter, place)) == (name, unit)
+    assert words in misaligned.sentence(np.array([0.1]), place)
 
 
 def test_a_late_pose_is_that_of_before_even_through_half_a_turn():

@@ -468,7 +468,9 @@ def _finding(
         when=when,
         statement=statement,
         parameters={
-            p.name: Quantity(float(value), float(std), effect.unit(p, hypothesis.place))
+            effect.reported(p, hypothesis.place): Quantity(
+                float(value), float(std), effect.unit(p, hypothesis.place)
+            )
             for p, value, std in zip(effect.parameters, theta, stds, strict=True)
         },
         evidence=Evidence(

@@ -55,10 +55,13 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
         size = limit(float(marginal.matrix[column_index, column_index]), least, spread) * direction.typical
         sizes.setdefault((direction.hypothesis, direction.parameter), []).append(size)
     return tuple(
-        DetectionLimit(hypothesis.name, place, parameter.name, size, hypothesis.effect.unit(parameter, place))
+        DetectionLimit(
+            hypothesis.name, place, effect.reported(parameter, place), size, effect.unit(parameter, place)
+        )
         for (number, index), own_sizes in sizes.items()
         for hypothesis in (library.hypotheses[number],)
-        for place, parameter in ((hypothesis.place, hypothesis.effect.parameters[index]),)
+        for effect, place in ((hypothesis.effect, hypothesis.place),)
+        for parameter in (effect.parameters[index],)
         for size in (float(np.median(own_sizes)),)
         if size <= max(abs(parameter.lower), abs(parameter.upper))
     )

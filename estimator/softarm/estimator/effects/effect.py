@@ -82,6 +82,7 @@ class ParameterSpec:
         least_drawn: Lower bound where no recording shows the arm in its known state: what a drawing of it can
             be wrong by.
         choices: The only values that a shape can have: each is a law of its own, and no fit moves it.
+        of_marker: Its name in a report on a single marker, which has no angles; empty where it is the same.
     """
 
     name: str
@@ -97,6 +98,7 @@ class ParameterSpec:
     periodic: bool = False
     least_drawn: float | None = None
     choices: tuple[float, ...] = ()
+    of_marker: str = ""
 
     @property
     def scale(self) -> float:
@@ -197,6 +199,7 @@ class Effect:
         act: The effect itself, of signals, parameters, place and memory.
         statement: Plain sentence with the fields ``where`` and the parameters' names, in the forms of
             ``Amount``.
+        marker_statement: The same for a single marker; empty where it is the same.
         source: Where the equation comes from.
         equivalence: Structural classes: effects that share one look alike to orientation and pressure.
         in_healthy_arms: Whether an arm that is well may have a little of it.
@@ -233,6 +236,7 @@ class Effect:
     needs: frozenset[Excitation] = frozenset()
     splits: tuple[tuple[EffectName, str], ...] = ()
     when: str = "constant"
+    marker_statement: str = ""
     shapes: tuple[tuple[float, ...], ...] = ((),)
     presences: Callable[[Spot, Floats], tuple[Floats, ...]] | None = None
     driven: bool = False
@@ -266,15 +270,24 @@ class Effect:
 
     def unit(self, parameter: ParameterSpec, place: Place) -> str:
         """Return a parameter's unit at a place: what is an angle of other sensors is a length of a marker."""
-        marker = self.hook == "sensing" and (place.sensor or "").startswith("marker_")
-        return parameter.unit.replace("rad", "m") if marker else parameter.unit
+        return parameter.unit.replace("rad", "m") if self._of_marker(place) else parameter.unit
+
+    def reported(self, parameter: ParameterSpec, place: Place) -> str:
+        """Return a parameter's name in a report on a place."""
+        return parameter.of_marker if parameter.of_marker and self._of_marker(place) else parameter.name
+
+    def _of_marker(self, place: Place) -> bool:
+        return self.hook == "sensing" and (place.sensor or "").startswith("marker_")
 
     def sentence(self, theta: Floats, place: Place) -> str:
         """Describe the effect with these parameters at a place in one plain sentence."""
         values = {
             p.name: Amount(float(v), self.unit(p, place)) for p, v in zip(self.parameters, theta, strict=True)
         }
-        sentence = self.statement.format(where=describe(place), **values)
+        statement = (
+            self.marker_statement if self.marker_statement and self._of_marker(place) else self.statement
+        )
+        sentence = statement.format(where=describe(place), **values)
         return sentence[:1].upper() + sentence[1:]
 
 

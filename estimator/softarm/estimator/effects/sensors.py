@@ -12,7 +12,7 @@ BEND = 2  # entries of a reading of two bend angles
 
 
 def frame_misalignment(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
-    """Turn the reading about the arm's axis: two bend axes, or a frame."""
+    """Turn the reading about the arm's axis: two bend axes, or a frame. A single marker is moved along it."""
     (yaw,) = theta
     if signals.reading.shape[-1] == BEND:
         rotation = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
@@ -23,10 +23,11 @@ def frame_misalignment(signals: Signals, theta: Floats, spot: Spot, memory: Memo
 FRAME_MISALIGNMENT = Effect(
     name="frame_misalignment",
     hook="sensing",
-    parameters=(ParameterSpec("yaw", "rad", 0.05, -1.6, 1.6, spread=0.1),),
+    parameters=(ParameterSpec("yaw", "rad", 0.05, -1.6, 1.6, spread=0.1, of_marker="offset_z"),),
     places=sensors,
     act=frame_misalignment,
     statement="{where} is mounted {yaw} off about the axis of the arm.",
+    marker_statement="{where} is mounted {yaw} off along the axis of the arm.",
     source="Kinematics",
     needs=frozenset({"each_chamber"}),
     splits=(
