@@ -56,11 +56,11 @@ def unchanged(data: bytes) -> bytes:
 
 
 REFUSED: dict[str, tuple[arm.Fault, Text, str]] = {
-    "three chambers": (arm.three_chambers, unchanged, "chambers 0, 1, 2, the specimen 6"),
+    "three chambers": (arm.three_chambers, unchanged, "chambers 0, 1, 2, the specimen has 6"),
     "suction": (arm.scaled("pressure_", "_pa", -1.0), unchanged, "below that of the air"),
     "burst": (arm.scaled("pressure_", "_pa", 3.0), unchanged, "over its limit of 65"),
     "no unit of time": (arm.in_milliseconds, unchanged, "set rate_hz"),
-    "one row": (rows(1), unchanged, "1 samples"),
+    "one row": (rows(1), unchanged, "1 sample "),
     "order": (reordered, unchanged, "goes back"),
     "repeated": (doubled, unchanged, "repeats"),
     "half a bend": (without("bend_tip_x_rad"), unchanged, "bend_tip_x_rad: is missing"),

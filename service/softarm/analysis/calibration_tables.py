@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 from softarm.common.tables import Table
 from softarm.estimator.calibration import Calibrated, Drift
+from softarm.estimator.counted import counted
 
 DEGREES = 57.29577951308232
 
@@ -56,8 +57,19 @@ def calibration_tables(outcome: Calibrated) -> tuple[Table, ...]:
         f"{name} {'left' if mirrored else 'right'}-handed" for name, mirrored in outcome.mirrored.items()
     )
     notes = (
-        f"{outcome.fitted} unknowns fitted to {outcome.nodes} samples; {outcome.status}; "
-        f"motion lags the pressures by {lags}" + (f"; axes of bends: {handed}" if handed else "") + ".",
+        "; ".join(
+            [
+                f"{counted(outcome.fitted, 'unknown')} fitted to {counted(outcome.nodes, 'sample')}",
+                outcome.status,
+                *(
+                    [f"motion lags the pressures by {lags}"]
+                    if any(lag is not None for lag in outcome.lags)
+                    else []
+                ),
+                *([f"axes of bends: {handed}"] if handed else []),
+            ]
+        )
+        + ".",
         "A modulus is the logarithm of the factor on the specimen's.",
     )
     return (

@@ -72,6 +72,7 @@ def command(
         section_forces,
     )
     from softarm.estimator.calibration.data_quality import data_quality_notes
+    from softarm.estimator.counted import counted
     from softarm.estimator.diagnosis.admit import LEAST_SAMPLES
     from softarm.estimator.errors import InputError
     from softarm.estimator.files import require_free
@@ -88,7 +89,9 @@ def command(
     if samples < LEAST_SAMPLES:
         names = ", ".join(recording.name for recording in loaded)
         raise InputError(
-            names, f"{samples} samples are too few", "record at least 20 s with changing pressures"
+            names,
+            f"{counted(samples, 'sample')} in all, which is too little to calibrate by",
+            "record at least 20 s with changing pressures",
         )
     loaded = tuple(taken_in(recording, robot, say).for_fits for recording in loaded)
     loads = section_forces(robot)

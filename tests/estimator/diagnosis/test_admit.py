@@ -32,6 +32,33 @@ def test_what_cannot_decide_is_refused_with_what_is_missing(recording: Recording
     assert "record" in str(caught.value)
 
 
+VALVES = {f"pressure_{cmd}0_pa": 2e4 * (np.arange(300) % 100 > 50) for cmd in ("", "cmd_")}
+
+
+@pytest.mark.parametrize(
+    ("kept", "lacking"),
+    [("pressure_cmd_0_pa", "record pressure_0_pa"), ("pressure_0_pa", "record pressure_cmd_0_pa")],
+)
+def test_valves_without_set_points_or_pressures_are_refused_with_the_columns_that_are_missing(
+    kept: str, lacking: str
+) -> None:
+    recording = Recording("valves", 0.1 * np.arange(300), {kept: VALVES[kept]})
+    with pytest.raises(InputError, match=f"alone, so nothing can be decided; {lacking} and its like as well"):
+        admit([recording], [], SOPRA)
+
+
+@pytest.mark.parametrize(
+    ("samples", "words"),
+    [(300, "nothing moves"), (1, "1 sample in 0 s is too short"), (5, "5 samples in 0.4 s")],
+)
+def test_a_beam_is_never_asked_for_pressures(samples: int, words: str) -> None:
+    rest = {f"marker_tip1_{axis}_m": np.zeros(samples) for axis in "xyz"}
+    with pytest.raises(InputError, match=words) as caught:
+        admit([Recording("rest", 0.1 * np.arange(samples), rest)], [], load_specimen("beam"))
+    assert "record at least 20 s in which the arm moves and comes to rest" in str(caught.value)
+    assert "pressure" not in str(caught.value)
+
+
 def _named(recording: Recording, name: str) -> Recording:
     return replace(recording, name=name)
 

@@ -62,6 +62,8 @@ def test_a_line_is_learnt_outside_held_out_data_and_judged_on_what_is_reported()
     errors = line_errors([replace(asked, readings=readings)])
     assert errors == pytest.approx(dict.fromkeys(BENDS, 0.03))
     assert line_errors([replace(asked, readings=readings, nominal=True)]) == {}
+    unpressed = replace(asked, readings=readings, pressures=np.zeros((made.samples, 0)))
+    assert line_errors([unpressed]) == {}, "an arm without chambers follows no pressures"
 
 
 def test_white_noise_of_the_assumed_size_has_variance_1_and_no_correlation(search):

@@ -146,7 +146,7 @@ REFUSED = {
         "rotated by 6[789] degrees .* nothing of the base was read",
     ),
     "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; turn its sign"),
-    "three of six chambers": (arm.three_chambers, "has chambers 0, 1, 2, the specimen 6"),
+    "three of six chambers": (arm.three_chambers, "has chambers 0, 1, 2, the specimen has 6"),
     "time without a unit": (arm.in_milliseconds, "t_s rises by 50 .* set rate_hz"),
 }
 EVENTS = {
@@ -524,7 +524,14 @@ def test_violent_motion_does_not_make_markers_wrong(good: Recording) -> None:
 def test_another_specimen_is_refused_with_what_differs(good: Recording) -> None:
     (refusal,) = take_in(good, load_specimen("single_segment")).refusals
     assert "recorded on 'sopra', not on 'single_segment'" in str(refusal)
-    assert "chambers 0, 1, 2, 3, 4, 5, the specimen 4" in str(refusal)
+    assert "chambers 0, 1, 2, 3, 4, 5, the specimen has 4" in str(refusal)
+
+
+def test_a_specimen_without_chambers_has_none() -> None:
+    columns = {"pressure_0_pa": np.linspace(0.0, 1e4, 50)}
+    columns |= {f"marker_tip1_{axis}_m": np.zeros(50) for axis in "xyz"}
+    (refusal,) = take_in(Recording("run", 0.1 * np.arange(50), columns), load_specimen("beam")).refusals
+    assert "it has chamber 0, the specimen has none" in str(refusal)
 
 
 def test_pressures_above_the_limit_are_left_out_of_fits(good: Recording) -> None:
@@ -677,7 +684,7 @@ def test_a_recording_of_three_chambers_is_refused_for_an_arm_of_six_whatever_fil
     columns = {k: v for k, v in whole.columns.items() if not re.match(r"pressure_(cmd_)?[345]_", k)}
     recording = Recording("mine", whole.time, columns, {"specimen": "/somewhere/tri.toml"})
     (refusal,) = take_in(recording, SPECIMEN).refusals
-    assert "it has chambers 0, 1, 2, the specimen 6" in str(refusal)
+    assert "it has chambers 0, 1, 2, the specimen has 6" in str(refusal)
 
 
 def _frozen(recording: Recording, rows: slice, *, live: str = "") -> Recording:

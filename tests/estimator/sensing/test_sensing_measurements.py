@@ -125,6 +125,14 @@ def test_registration_refuses_markers_on_a_line() -> None:
         register(line, line, 1e-3)
 
 
+def test_registration_by_two_markers_is_refused_and_never_advised_to_do_without() -> None:
+    seen = np.array([[0.0, 0.0, 0.0], [0.1, 0.0, 0.0], [np.nan] * 3])
+    with pytest.raises(
+        InputError, match=r"2 of 3 are seen, .*; record three of them, named as in the specimen"
+    ):
+        register(np.eye(3), seen, 1e-3)
+
+
 def test_suite_stacks_any_subset_and_leaves_absent_sensors_out() -> None:
     suite = SensorSuite(tuple(SENSORS))
     at = frames()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.counted import counted
 from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
@@ -116,7 +117,7 @@ def admit(
     def checked(recording: Recording) -> Recording:
         _check_specimen(recording, specimen)
         _check_pressures(recording, specimen, whole=whole)
-        _check_length(recording)
+        _check_length(recording, specimen)
         _check_motion(recording)
         refuse_swapped_channels(recording, specimen)
         return recording
@@ -126,11 +127,7 @@ def admit(
         notes += _time_notes(recording)
     if not any(moves(recording) or _opens_valves(recording) for recording in suspects):
         names = ", ".join(recording.name for recording in suspects)
-        raise InputError(
-            names,
-            "nothing moves, so nothing can be decided",
-            "record at least 20 s in which pressures rise above 10 kPa and come down again",
-        )
+        raise _nothing_moves(names, suspects, specimen)
     return Admitted(suspects, nominal, tuple(notes))
 
 
@@ -156,6 +153,29 @@ def motion_left(recording: Recording) -> bool:
     """Return whether any reading of the motion is left, where there was one."""
     motion = motion_columns(recording).values()
     return not motion or any(np.isfinite(values).any() for values in motion)
+
+
+def _nothing_moves(names: str, suspects: Sequence[Recording], specimen: Specimen) -> InputError:
+    """Refuse recordings that can decide nothing, with the columns that they lack for a test of valves."""
+    columns = {name for one in suspects for name in one.columns}
+    asked = any(name.startswith("pressure_cmd_") for name in columns)
+    measured = any(name.startswith("pressure_") and "cmd" not in name for name in columns)
+    if any(motion_columns(one) for one in suspects) or asked == measured:
+        return InputError(names, "nothing moves, so nothing can be decided", _to_record(specimen))
+    held, lacking = ("set-points", "pressure_0_pa") if asked else ("measured pressures", "pressure_cmd_0_pa")
+    what = f"holds {held} alone, so nothing can be decided"
+    cure = f"record {lacking} and its like as well to compare valves, or the motion of the arm to diagnose it"
+    return InputError(names, what, cure)
+
+
+def _to_record(specimen: Specimen) -> str:
+    """State what a diagnosis needs."""
+    moving = (
+        "pressures rise above 10 kPa and come down again"
+        if specimen.chambers
+        else "the arm moves and comes to rest"
+    )
+    return f"record at least 20 s in which {moving}"
 
 
 def _opens_valves(recording: Recording) -> bool:
@@ -201,14 +221,15 @@ def _check_pressures(recording: Recording, specimen: Specimen, *, whole: bool) -
         )
 
 
-def _check_length(recording: Recording) -> None:
+def _check_length(recording: Recording, specimen: Specimen) -> None:
     count = len(recording.time)
     seconds = float(recording.time[-1] - recording.time[0]) if count > 1 else 0.0
     if count < LEAST_SAMPLES or seconds < LEAST_SECONDS:
+        verb = "is" if count == 1 else "are"
         raise InputError(
             recording.name,
-            f"{count} samples in {seconds:.2g} s are too short to decide anything",
-            "record at least 20 s with changes of pressure",
+            f"{counted(count, 'sample')} in {seconds:.2g} s {verb} too short to decide anything",
+            _to_record(specimen),
         )
 
 

@@ -18,8 +18,10 @@ def line_errors(sessions: Sequence[Session]) -> dict[str, float]:
         sessions: All sessions; those in question are reported.
 
     Returns:
-        Root mean square of each channel of bends and markers, in its unit.
+        Root mean square of each channel of bends and markers, in its unit; none for an arm without chambers.
     """
+    if not any(session.pressures.shape[1] for session in sessions):
+        return {}
     names = {name for session in sessions for name in channels(session.suite)}
     errors = {name: _line_error(sessions, name) for name in sorted(names)}
     return {name: error for name, error in errors.items() if error is not None}

@@ -31,7 +31,7 @@ def misfit(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ..
     count = len(specimen.chambers)
     strange = [k for k in recording.chambers if k >= count]
     if strange:
-        words.append(f"it has chambers {_listed(recording.chambers)}, the specimen {count}")
+        words.append(_chambers(recording, count))
     sections = [section.name for section in specimen.sections]
     for kind, names in (("bends", recording.bends), ("frames", recording.frames)):
         unknown = [name for name in names if name not in sections]
@@ -51,7 +51,7 @@ def misfit(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ..
     # One pressure alone may be all that was connected; several that end early look like another arm's.
     fewer = 1 < len(chambers) < count and chambers[-1] < count - 1
     if not declared and fewer and (recording.bends or recording.frames or recording.markers):
-        words.append(f"it has chambers {_listed(chambers)}, the specimen {count}")
+        words.append(_chambers(recording, count))
     if isinstance(named, str) and not declared and (words or {named, specimen.name} <= {*SHIPPED}):
         words.insert(0, f"it was recorded on {named!r}, not on {specimen.name!r}")
     if not words:
@@ -69,6 +69,12 @@ def misfit(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ..
             recording.name, "structure", ("specimen",), "; ".join(dict.fromkeys(words)), cure, mended=False
         ),
     )
+
+
+def _chambers(recording: Recording, count: int) -> str:
+    """State which chambers were recorded and how many the specimen has."""
+    which = "chambers" if len(recording.chambers) > 1 else "chamber"
+    return f"it has {which} {_listed(recording.chambers)}, the specimen has {count or 'none'}"
 
 
 def _listed(names: object) -> str:

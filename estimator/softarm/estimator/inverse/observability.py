@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.counted import counted
 from softarm.estimator.inverse.unknowns import Unknowns
 
 UNSEEN = 1e-6
@@ -54,7 +55,8 @@ class Observability:
         """What is estimated from what, and what is not, in one or two sentences."""
         free = int(self.free.sum())
         names = [name for name, one in zip(self.unknowns.names, self.free, strict=True) if one]
-        head = f"{self.data_rows} independent readings, {free} unknowns ({', '.join(names)}): "
+        counts = f"{counted(self.data_rows, 'independent reading')}, {counted(free, 'unknown')}"
+        head = f"{counts} ({', '.join(names)}): "
         if self.rank < free:
             unseen = "; ".join(self.unobservable_directions)
             return f"{head}{free - self.rank} of their combinations cannot be seen: {unseen}."

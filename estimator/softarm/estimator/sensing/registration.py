@@ -68,9 +68,7 @@ def register(
     expected, measured = base_points[valid], measured[valid]
     if len(expected) < 3:
         what = f"{len(expected)} of {len(base_points)} are seen, at least three are needed"
-        raise InputError(
-            source, what, "name them as the specimen does, or leave out all of the base's markers"
-        )
+        raise InputError(source, what, "record three of them, named as in the specimen")
     centre, measured_centre = expected.mean(axis=0), measured.mean(axis=0)
     spread = np.linalg.svd(expected - centre, compute_uv=False)
     if spread[1] < 1e-3 * spread[0]:
