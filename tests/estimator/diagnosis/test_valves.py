@@ -4,17 +4,13 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis.admit import Admitted
-from softarm.estimator.diagnosis.valve_stage import (
-    LEFT_OVER,
-    splits_of,
-    valve_diagnosis,
-    valve_findings,
-    with_valves,
-)
+from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
+from softarm.estimator.diagnosis.valve_verdict import LEFT_OVER, not_compared, valve_diagnosis, with_valves
 from softarm.estimator.diagnosis.valves import static, valves_of
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
+from softarm.estimator.specimen.physics import Place
 
 TIME = np.arange(0.0, 80.0, 0.01)
 
@@ -184,10 +180,47 @@ def test_one_of_six_valves_is_not_blamed_for_what_one_in_six_does_by_chance() ->
     assert valve_findings(splits_of(recordings[2:]), splits_of(recordings[:2])) == ()
 
 
-def _diagnosed(recording: Recording):
-    admitted = Admitted((recording,), (), ())
-    splits = splits_of([recording])
-    return valve_diagnosis("sopra", admitted, splits, valve_findings(splits, []))
+def _diagnosed(recording: Recording, nominal: tuple[Recording, ...] = ()):
+    admitted = Admitted((recording,), nominal, ())
+    splits, known = splits_of([recording]), splits_of(nominal)
+    return valve_diagnosis("sopra", admitted, splits, valve_findings(splits, known), known)
+
+
+def _swinging(name: str, size: float, law: tuple = (0.0, 0.0, 0.0, np.inf), seed: int = 7) -> Recording:
+    """Return a pressure that swings about its set-point: nothing that a lag or a bias describes."""
+    plain = _recording(name, law=law)
+    rng = np.random.default_rng(seed)
+    swing = size * np.sin(2.0 * np.pi * TIME / 0.7) + rng.normal(0.0, 30.0, len(TIME))
+    return Recording(name, TIME, plain.columns | {"pressure_0_pa": plain.columns["pressure_0_pa"] + swing})
+
+
+def test_what_a_valves_law_leaves_in_nominal_recordings_as_well_is_not_new() -> None:
+    known = _swinging("known", 1200.0)
+    again = _diagnosed(_swinging("again", 1200.0, seed=8), (known,))
+    assert again.verdict == "consistent"
+    assert again.findings == ()
+    assert again.unexplained.over_nominal == pytest.approx(1.0, abs=0.05)
+    worse = _diagnosed(_swinging("worse", 3600.0), (known,))
+    assert worse.verdict == "unexplained"
+    assert worse.unexplained.over_nominal == pytest.approx(3.0, abs=0.1)
+
+
+def test_an_unexplained_valve_is_an_unknown_finding() -> None:
+    found = _diagnosed(_swinging("swinging", 1200.0))
+    (finding,) = found.findings
+    assert (finding.effect, finding.where, finding.when) == ("unknown", Place(chamber=0), "pressure level")
+
+
+def test_nominal_recordings_of_other_valves_only_are_named() -> None:
+    plain = _recording("known")
+    other = {name.replace("_0_", "_1_"): values for name, values in plain.columns.items()}
+    known = Recording("known", plain.time, other)
+    with pytest.raises(InputError, match=r"hold the valves of chamber 1, these those of chamber 0"):
+        _diagnosed(_recording("off", law=BIASED), (known,))
+    both = Recording("both", plain.time, plain.columns | other)
+    (note,) = not_compared(splits_of([both]), splits_of([known]))
+    assert "the valves of chamber 0" in note
+    assert not_compared(splits_of([both]), splits_of([both])) == ()
 
 
 def test_a_steady_error_is_a_bias() -> None:
@@ -235,10 +268,7 @@ def test_recordings_of_valves_alone_get_a_verdict(law: tuple, verdict: str, effe
 
 @pytest.mark.parametrize(("law", "verdict"), [(PLAIN, "unexplained"), (BIASED, "partly_explained")])
 def test_what_a_valves_law_leaves_is_unexplained(law: tuple, verdict: str) -> None:
-    """A pressure that swings about its set-point is nothing that a lag or a bias describes."""
-    plain = _recording("swinging", law=law)
-    swung = plain.columns["pressure_0_pa"] + 1200.0 * np.sin(2.0 * np.pi * TIME / 0.7)
-    found = _diagnosed(Recording("swinging", TIME, plain.columns | {"pressure_0_pa": swung}))
+    found = _diagnosed(_swinging("swinging", 1200.0, law))
     assert found.verdict == verdict
     assert found.unexplained.normalised_rms > LEFT_OVER
 

@@ -8,23 +8,14 @@ from numpy.typing import NDArray
 from scipy.special import stdtr
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.admit import Admitted, motion_columns
 from softarm.estimator.diagnosis.result import (
-    Baseline,
     ChannelError,
-    Diagnosis,
     Evidence,
     Finding,
-    Heldout,
-    LocationMap,
     Quantity,
     Rival,
-    Trace,
-    Unexplained,
-    Verdict,
 )
-from softarm.estimator.diagnosis.valves import LAGS, OPEN, Valve, ceilings_of, predict, valves_of
-from softarm.estimator.errors import InputError
+from softarm.estimator.diagnosis.valves import LAGS, OPEN, SETTLED, Valve, ceilings_of, predict, valves_of
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -39,17 +30,10 @@ CEILING_STD = 100.0
 """Standard deviation of a pressure that is not passed [Pa]."""
 RESOLUTION = 30.0
 """Noise below which no pressure is believed [Pa]."""
-LEFT_OVER = 5.0
-"""Root mean square over the noise from which something beyond the law is left, such as overshoot."""
 LEAST_BIC = 10.0
 """Evidence on held-out samples from which a valve is blamed."""
 SCATTER, BETWEEN_HOLDS, WORTH = 200.0, 100.0, 3
 """Scatter of a steady error between recordings, between holds [Pa]; how many of either this is worth."""
-NEEDED = (
-    "while one is open, more than 50 readings of its set-point and pressure together are needed, some of "
-    "them in the second half"
-)
-"""What it takes to learn a valve's law and to judge it."""
 
 
 @dataclass(frozen=True)
@@ -82,6 +66,22 @@ class Split:
             self.measured[heldout] - self.predicted[heldout],
         )
         return float(np.sqrt(np.mean(setpoint**2))), float(np.sqrt(np.mean(law**2)))
+
+    @property
+    def floor(self) -> float:
+        """Noise by which errors are divided [Pa]."""
+        return max(self.valve.noise, RESOLUTION)
+
+    @property
+    def unseen_seconds(self) -> float:
+        """Time that the law has not seen [s]."""
+        return float(self.heldout.sum() * np.median(np.diff(self.time)))
+
+    @property
+    def activity(self) -> float:
+        """Root mean square change of the set-point within a settling time, on unseen samples [Pa]."""
+        change = self.setpoint - np.interp(self.time - SETTLED, self.time, self.setpoint)
+        return float(np.sqrt(np.mean(change[self.heldout] ** 2)))
 
 
 def splits_of(recordings: Sequence[Recording]) -> list[Split]:
@@ -141,16 +141,20 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
     jitter = _scatter(_delayed, max((_jitter(split) for split in suspects), default=0.0), [suspects, nominal])
     chambers = sorted({split.valve.chamber for split in suspects})
     for chamber in chambers:
-        splits = [split for split in suspects if split.valve.chamber == chamber]
-        of_chamber = [split for split in nominal if split.valve.chamber == chamber]
+        splits, references = of_chamber(suspects, chamber), of_chamber(nominal, chamber)
         evidence = _evidence(splits)
-        findings += _ceiling(chamber, splits, of_chamber, evidence)
-        if nominal and not of_chamber:
+        findings += _ceiling(chamber, splits, references, evidence)
+        if nominal and not references:
             continue
         if 2.0 * evidence.log_bayes_factor >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
-            findings += _steady(chamber, splits, of_chamber, scatter, between_holds, evidence, len(chambers))
-            findings += _delays(chamber, splits, of_chamber, jitter, evidence, len(chambers))
+            findings += _steady(chamber, splits, references, scatter, between_holds, evidence, len(chambers))
+            findings += _delays(chamber, splits, references, jitter, evidence, len(chambers))
     return tuple(findings)
+
+
+def of_chamber(splits: Sequence[Split], chamber: int) -> list[Split]:
+    """List what was learnt of one valve."""
+    return [split for split in splits if split.valve.chamber == chamber]
 
 
 def _scatter(
@@ -166,7 +170,7 @@ def _scatter(
     squares, count = WORTH * prior**2, WORTH
     for group in groups:
         for chamber in {split.valve.chamber for split in group}:
-            deviations = np.array(measured([split for split in group if split.valve.chamber == chamber]))
+            deviations = np.array(measured(of_chamber(group, chamber)))
             squares += float(np.sum((deviations - deviations.mean()) ** 2)) if len(deviations) else 0.0
             count += max(len(deviations) - 1, 0)
     return float(np.sqrt(squares / count))
@@ -186,99 +190,6 @@ def _between_holds(splits: Sequence[Split]) -> float:
 def _jitter(split: Split) -> float:
     """Return the scatter of a delay of which only the sample is known in which it ends [s]."""
     return float(np.median(np.diff(split.time)) / np.sqrt(12.0))
-
-
-def with_valves(diagnosis: Diagnosis, faults: tuple[Finding, ...]) -> Diagnosis:
-    """Add what the valves do to the diagnosis of an arm; measured pressures already hold it."""
-    if not faults:
-        return diagnosis
-    verdict: Verdict = diagnosis.verdict if diagnosis.verdict != "consistent" else "explained"
-    if diagnosis.verdict == "unexplained":
-        verdict = "partly_explained"
-    return replace(diagnosis, verdict=verdict, findings=(*diagnosis.findings, *faults))
-
-
-def not_judged(admitted: Admitted, splits: Sequence[Split]) -> tuple[str, ...]:
-    """Name the recordings of valves alone by which no valve can be judged."""
-    judged = {split.recording for split in splits}
-    return tuple(
-        f"{recording.name}: no valve can be judged; {NEEDED}."
-        for recording, _ in admitted.all
-        if not motion_columns(recording) and recording.name not in judged
-    )
-
-
-def valve_diagnosis(
-    specimen: str, admitted: Admitted, splits: Sequence[Split], faults: tuple[Finding, ...]
-) -> Diagnosis:
-    """Write down a diagnosis of recordings that hold valves alone.
-
-    Raises:
-        InputError: No valve's law could be learnt and judged.
-    """
-    if not splits:
-        seen = " ".join(fault.statement for fault in faults)
-        raise InputError(
-            ", ".join(recording.name for recording in admitted.suspects),
-            f"no valve can be judged: {NEEDED}{seen and f' ({seen})'}",
-            "record at least 20 s in which pressures rise above 10 kPa and come down again",
-        )
-    rms: dict[str, list[float]] = {}
-    noise: dict[str, list[float]] = {}
-    for split in splits:
-        channel = f"pressure_{split.valve.chamber}"
-        rms.setdefault(channel, []).append(split.valve.rms)
-        noise.setdefault(channel, []).append(max(split.valve.noise, RESOLUTION))
-    errors = np.array([split.errors() for split in splits])
-    floors = np.array([max(split.valve.noise, RESOLUTION) for split in splits])
-    before, after = (float(np.sqrt(np.mean((column / floors) ** 2))) for column in errors.T)
-    gains = 1.0 - errors[:, 1] / np.maximum(errors[:, 0], 1e-9)
-    remaining = after > LEFT_OVER
-    verdicts: dict[tuple[bool, bool], Verdict] = {
-        (False, False): "consistent",
-        (False, True): "unexplained",
-        (True, False): "explained",
-        (True, True): "partly_explained",
-    }
-    return Diagnosis(
-        specimen=specimen,
-        recordings=tuple(recording.name for recording in admitted.suspects),
-        nominal=tuple(recording.name for recording in admitted.nominal),
-        verdict=verdicts[bool(faults), remaining],
-        baseline=Baseline(
-            {name: float(np.sqrt(np.mean(np.square(values)))) for name, values in rms.items()},
-            {name: float(np.mean(values)) for name, values in noise.items()},
-            dict.fromkeys(rms, "Pa"),
-            before,
-        ),
-        map=LocationMap(),
-        findings=faults,
-        heldout=Heldout(
-            before,
-            after,
-            (float(gains.min()), float(gains.max())),
-            "each valve's law is learnt from the first half of its activity and judged on the second",
-            {
-                name: _channel_error(errors[[f"pressure_{split.valve.chamber}" == name for split in splits]])
-                for name in rms
-            },
-        ),
-        unexplained=Unexplained(after),
-        notes=(*admitted.notes, "The recordings hold valves alone, no motion of the arm."),
-        traces=tuple(
-            Trace(
-                split.recording,
-                f"pressure_{split.valve.chamber}",
-                "Pa",
-                split.time,
-                split.measured,
-                split.setpoint,
-                split.predicted,
-                split.heldout,
-            )
-            for split in splits
-        ),
-    )
 
 
 def _ceiling(
@@ -395,7 +306,7 @@ def _delayed(splits: Sequence[Split]) -> list[float]:
     return [valve.dead_time + valve.lag for valve in _timed(splits)]
 
 
-def _channel_error(pairs: Floats) -> ChannelError:
+def channel_error(pairs: Floats) -> ChannelError:
     """Pool the errors of set-point and of law [Pa], shape (recordings, 2)."""
     before, after = np.sqrt(np.mean(pairs**2, axis=0)).tolist()
     return ChannelError("Pa", before, after)
@@ -403,7 +314,7 @@ def _channel_error(pairs: Floats) -> ChannelError:
 
 def _evidence(splits: Sequence[Split]) -> Evidence:
     pairs = np.array([split.errors() for split in splits])
-    noise = np.array([max(split.valve.noise, RESOLUTION) for split in splits])
+    noise = np.array([split.floor for split in splits])
     before, after = (float(np.sqrt(np.mean((column / noise) ** 2))) for column in pairs.T)
     gains = 1.0 - pairs[:, 1] / np.maximum(pairs[:, 0], 1e-9)
     count = sum(int(split.heldout.sum()) for split in splits)
@@ -411,7 +322,7 @@ def _evidence(splits: Sequence[Split]) -> Evidence:
     effective = max(count / 50.0, 2.0)
     gain = effective * (before**2 - after**2) / max(after**2, 1.0)
     low, high = (float(gains.min()), float(gains.max())) if len(gains) > 1 else (float(gains[0]),) * 2
-    channel = {f"pressure_{splits[0].valve.chamber}": _channel_error(pairs)}
+    channel = {f"pressure_{splits[0].valve.chamber}": channel_error(pairs)}
     log_bayes_factor = gain / 2.0 - 2.0 * np.log(effective)
     return Evidence(log_bayes_factor, before, after, (low, high), float("nan"), channel)
 

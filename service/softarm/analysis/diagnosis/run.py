@@ -31,11 +31,11 @@ from softarm.estimator.diagnosis.release import find_release
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Model
 from softarm.estimator.diagnosis.stuck import stuck_findings, stuck_notes, stuck_pressures, without_pressures
-from softarm.estimator.diagnosis.valve_stage import (
+from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
+from softarm.estimator.diagnosis.valve_verdict import (
+    not_compared,
     not_judged,
-    splits_of,
     valve_diagnosis,
-    valve_findings,
     with_valves,
 )
 from softarm.estimator.effects import EFFECTS
@@ -117,14 +117,14 @@ def run(
         *valve_findings(valves, known_valves),
         *stuck_findings([one for one in stuck if one.recording in questioned]),
     )
-    idle = not_judged(admitted, (*valves, *known_valves))
+    idle = (*not_judged(admitted, (*valves, *known_valves)), *not_compared(valves, known_valves))
     for words in idle:
         notify(words)
     admitted = admitted.mended(
         lambda one: without_pressures(one, stuck, by_set_points=True), (*stuck_notes(stuck), *idle)
     )
     if not any(motion_columns(recording) for recording in admitted.suspects):
-        diagnosis = valve_diagnosis(request.specimen.name, admitted, valves, faults)
+        diagnosis = valve_diagnosis(request.specimen.name, admitted, valves, faults, known_valves)
         diagnosis = with_intakes(diagnosis, intakes, found)
         return DiagnosisOutcome(replace(diagnosis, seconds=time.monotonic() - began), (), ())
     known = known_rod(request.specimen)
