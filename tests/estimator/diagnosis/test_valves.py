@@ -154,6 +154,42 @@ def test_valves_that_wander_between_recordings_are_not_blamed() -> None:
     assert finding.effect in ("pressure_bias", "valve_deadband")
 
 
+@pytest.mark.parametrize("offset", [-2000.0, 1000.0])
+def test_an_offset_that_is_there_when_vented_is_one_of_the_sensor(offset: float) -> None:
+    """The valve's own error, of which the nominal recordings have the same, does not make it a dead band."""
+    law = (-800.0, 0.0, 0.0, np.inf)
+    known, plain = _recording("known", 0.05, 0.04, law), _recording("plain", 0.05, 0.04, law)
+    shifted = plain.columns | {"pressure_0_pa": plain.columns["pressure_0_pa"] + offset}
+    off = Recording("off", TIME, shifted)
+    (finding,) = valve_findings(splits_of([off]), splits_of([known]))
+    assert (finding.effect, finding.when) == ("pressure_bias", "constant")
+    assert finding.confusable_with == ()
+    assert finding.parameters["bias"].value == pytest.approx(offset, abs=60.0)
+    assert "open or vented" in finding.statement
+    found = _diagnosed(off, (known,))
+    assert found.verdict == "explained"
+    assert found.unexplained.over_nominal == pytest.approx(1.0, abs=0.05)
+
+
+def test_an_offset_of_the_sensor_shows_where_it_cancels_a_dead_band() -> None:
+    low = _recording("low", law=(0.0, 0.0, 2500.0, np.inf))
+    off = Recording("off", TIME, low.columns | {"pressure_0_pa": low.columns["pressure_0_pa"] + 2400.0})
+    band, bias = valve_findings(splits_of([off]), [])
+    assert (band.effect, bias.effect) == ("valve_deadband", "pressure_bias")
+    assert band.parameters["band"].value == pytest.approx(2500.0, abs=200.0)
+    assert bias.parameters["bias"].value == pytest.approx(2400.0, abs=60.0)
+
+
+def test_a_valve_that_passes_less_than_nominal_may_have_a_dead_band() -> None:
+    known = splits_of([_recording("known", law=(-800.0, 0.0, 0.0, np.inf))])
+    asked = np.where(TIME % 20.0 > 10.0, 30e3, 0.0)
+    given = static(asked, -2000.0, 0.0, 0.0, np.inf) + np.random.default_rng(4).normal(0.0, 30.0, len(TIME))
+    low = Recording("low", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
+    (finding,) = valve_findings(splits_of([low]), known)
+    assert (finding.effect, finding.when) == ("pressure_bias", "pressure level")
+    assert [rival.effect for rival in finding.confusable_with] == ["valve_deadband"]
+
+
 PLAIN, BIASED = (0.0, 0.0, 0.0, np.inf), (900.0, 0.0, 0.0, np.inf)
 
 

@@ -222,24 +222,56 @@ def _steady(
     ours, theirs = _offsets(splits), _offsets(references)
     if not ours or (references and not theirs):
         return []
-    offset = float(np.mean(ours))
-    change = offset - (float(np.mean(theirs)) if theirs else 0.0)
+    change = float(np.mean(ours)) - (float(np.mean(theirs)) if theirs else 0.0)
     within = max(between_holds, *(split.valve.bias_std for split in splits)) / np.sqrt(len(ours))
     between = scatter * np.sqrt(1.0 / len(ours) + 1.0 / len(theirs)) if theirs else 0.0
     spread = max(float(np.hypot(within, between)), 20.0)
-    sure = _probability(abs(change), spread, len(ours) + len(theirs), valves)
-    if abs(change) <= LEAST_BIAS or sure < NAMED:
-        return []
-    shut = any(split.valve.deadband > LEAST_BAND - (change - offset) for split in splits)
-    if shut and change < 0.0:
-        words = f"The first {-1e-3 * change:.2f} kPa of the set-point of chamber {chamber} have no effect."
-        quantity = {"band": Quantity(-change, spread, "Pa")}
-        return [_finding("valve_deadband", chamber, words, quantity, sure, evidence, "pressure level")]
-    words = f"While it is open, the valve of chamber {chamber} is off by {1e-3 * change:+.2f} kPa."
+
+    def surely(size: float) -> float:
+        return _probability(abs(size), spread, len(ours) + len(theirs), valves)
+
+    # What is read when vented as well is an offset of the sensor and no property of the valve.
+    vented = _vented(splits) - _vented(references)
+    offset, opened = (
+        size if abs(size) > LEAST_BIAS and surely(size) >= NAMED else 0.0
+        for size in (vented, change - vented)
+    )
+    findings = []
+    band = max((split.valve.deadband for split in references), default=0.0) + LEAST_BAND
+    if opened < 0.0 and any(split.valve.deadband > band for split in splits):
+        words = f"The first {-1e-3 * opened:.2f} kPa of the set-point of chamber {chamber} have no effect."
+        quantity = {"band": Quantity(-opened, spread, "Pa")}
+        findings.append(
+            _finding("valve_deadband", chamber, words, quantity, surely(opened), evidence, "pressure level")
+        )
+        opened = 0.0
+    if not offset and not opened:
+        return findings
+    size = offset + opened
+    words = f"The pressure in chamber {chamber} is off by {1e-3 * size:+.2f} kPa"
+    words += " while its valve is open." if opened else ", open or vented."
+    if offset and opened:
+        words += f" Vented, its sensor reads {1e-3 * offset:+.2f} kPa."
     deadband = Rival("valve_deadband", Place(chamber=chamber), "a staircase of small pressures", 0.0)
-    quantity = {"bias": Quantity(change, spread, "Pa")}
-    rivals = (deadband,) if change < 0.0 else ()
-    return [_finding("pressure_bias", chamber, words, quantity, sure, evidence, "pressure level", rivals)]
+    findings.append(
+        _finding(
+            "pressure_bias",
+            chamber,
+            words,
+            {"bias": Quantity(size, spread, "Pa")},
+            max(surely(offset), surely(opened)),
+            evidence,
+            "pressure level" if opened else "constant",
+            (deadband,) if opened < 0.0 else (),
+        )
+    )
+    return findings
+
+
+def _vented(splits: Sequence[Split]) -> float:
+    """Return what is read while valves are shut, over recordings in which they were [Pa]; 0 without these."""
+    read = [split.valve.vented for split in splits if split.valve.vents]
+    return float(np.mean(read)) if read else 0.0
 
 
 def _delays(
@@ -337,6 +369,8 @@ def _finding(
     when: str,
     rivals: tuple[Rival, ...] = (),
 ) -> Finding:
-    statement = f"{words} Set-point and measured pressure show it, so it is in the valve and not in the arm."
+    shows = "Set-point and measured pressure show it, so it is in the valve or its sensor and not in the arm."
     place = Place(chamber=chamber)
-    return Finding(effect, place, when, statement, quantities, evidence, rivals, probability=probability)
+    return Finding(
+        effect, place, when, f"{words} {shows}", quantities, evidence, rivals, probability=probability
+    )

@@ -1,8 +1,9 @@
 """The valves between set-point and measured pressure: dead time, lag, bias, gain, dead band and ceiling.
 
 The pressure at a valve follows the set-point u as p = F(S(u(t - d))) with dead time d, the first-order lag
-F of time constant tau, and the static law S(u) = 0 where u is at most the dead band, else
-min((1 + g) (u - dead band) + b, ceiling). d and tau come from the changes, S from the holds.
+F of time constant tau, and the static law S(u) = p0 where u is at most the dead band, else
+min((1 + g) (u - dead band) + b, ceiling). p0 is what the sensor reads while the valve is shut. d and tau come
+from the changes, S from the holds.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,6 +40,8 @@ class ValveLaw(NamedTuple):
     gain: float = 0.0
     deadband: float = 0.0
     ceiling: float = float("inf")
+    vented: float = 0.0
+    vents: int = 0
 
 
 @dataclass(frozen=True)
@@ -56,6 +59,8 @@ class Valve:
         gain: Relative error that grows with the set-point.
         deadband: Set-point up to which nothing comes [Pa].
         ceiling: Pressure that is not passed however much is asked [Pa]; infinite where it is never met.
+        vented: Pressure that is read while the set-point is zero [Pa]; 0 where it was never held.
+        vents: How often a set-point of zero was held for long enough to read that.
         rms: Root mean square of measured minus asked [Pa].
         noise: Standard deviation of the reading in holds [Pa].
     """
@@ -70,6 +75,8 @@ class Valve:
     gain: float
     deadband: float
     ceiling: float
+    vented: float
+    vents: int
     rms: float
     noise: float
 
@@ -118,14 +125,16 @@ def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]
 def predict(valve: Valve, time: Floats, setpoint: Floats) -> Floats:
     """Return the pressure that a valve's law predicts [Pa], shape (samples,)."""
     late = np.interp(time - valve.dead_time, time, setpoint)
-    target = static(late, valve.bias, valve.gain, valve.deadband, valve.ceiling)
+    target = static(late, valve.bias, valve.gain, valve.deadband, valve.ceiling, valve.vented)
     return first_order(time, target, valve.lag, ())[0]
 
 
-def static(setpoint: Floats, bias: float, gain: float, deadband: float, ceiling: float) -> Floats:
-    """Return the settled pressure for a set-point [Pa]."""
+def static(
+    setpoint: Floats, bias: float, gain: float, deadband: float, ceiling: float, vented: float = 0.0
+) -> Floats:
+    """Return the settled pressure for a set-point [Pa]; the arguments are those of ``Valve``."""
     target = np.minimum((1.0 + gain) * (setpoint - deadband) + bias, ceiling)
-    return np.where(setpoint > max(deadband, OPEN), np.maximum(target, 0.0), 0.0)
+    return np.where(setpoint > max(deadband, OPEN), np.maximum(target, vented), vented)
 
 
 def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceiling: float) -> Valve:
@@ -156,10 +165,11 @@ def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Fl
 
 def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw:
     """Fit the settled law to the holds, each hold one point."""
-    opened = level > OPEN
+    opened, closed = level > OPEN, level < 1.0
+    vents, vented = int(closed.sum()), float(np.median(pressure[closed])) if closed.any() else 0.0
     if not opened.any():
-        return ValveLaw()
-    shut = opened & (pressure < SHUT)
+        return ValveLaw(vented=vented, vents=vents)
+    shut = opened & (pressure < vented + SHUT)
     passing = opened & ~shut
     deadband = 0.0
     if shut.any() and passing.any() and level[shut].max() < level[passing].min():
@@ -167,7 +177,7 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw:
     below = passing & (pressure < ceiling - 500.0)
     error = pressure[below] - level[below]
     if not len(error):
-        return ValveLaw(deadband=deadband, ceiling=ceiling)
+        return ValveLaw(deadband=deadband, ceiling=ceiling, vented=vented, vents=vents)
     gain = 0.0
     if len(error) >= 4 and np.ptp(level[below]) > 10e3:
         gain = float(np.polyfit(level[below], error, 1)[0])
@@ -175,7 +185,7 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw:
     residual = error - gain * level[below]
     spread = float(np.std(residual, ddof=1)) if len(residual) > 1 else 0.0
     bias = float(np.median(residual)) + (1.0 + gain) * deadband
-    return ValveLaw(len(residual), bias, spread, gain, deadband, ceiling)
+    return ValveLaw(len(residual), bias, spread, gain, deadband, ceiling, vented, vents)
 
 
 def _ceiling(level: Floats, pressure: Floats) -> float:
@@ -199,7 +209,7 @@ def _timing(time: Floats, setpoint: Floats, measured: Floats, law: ValveLaw) -> 
         return 0.0, 0.0
     dead_time = _onset(time, setpoint, measured)
     late = np.interp(time - dead_time, time, setpoint)
-    target = static(late, law.bias, law.gain, law.deadband, law.ceiling)
+    target = static(late, law.bias, law.gain, law.deadband, law.ceiling, law.vented)
 
     def mean_square(lag: float) -> float:
         return float(np.mean((measured - first_order(time, target, lag, ())[0])[near] ** 2))
