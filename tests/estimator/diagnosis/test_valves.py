@@ -44,6 +44,43 @@ def test_a_delay_is_found_to_a_fraction_of_itself(lag: float) -> None:
     assert valve.dead_time + valve.lag == pytest.approx(lag, rel=0.02, abs=0.002)
 
 
+def _late(name: str, dead_times: tuple[float, ...], step: float = 0.01, lag: float = 0.04) -> Recording:
+    """Return a valve that answers one step after the other with these dead times [s]."""
+    time = np.arange(0.0, 20.0 * len(dead_times), 0.01)
+    asked = np.where(time % 40.0 > 20.0, 30e3, 0.0)
+    late = np.zeros(len(time))
+    for number, dead_time in enumerate(dead_times):
+        part = (time >= 20.0 * number) & (time < 20.0 * (number + 1))
+        late[part] = np.interp(time[part] - dead_time, time, asked)
+    given = first_order(time, late, lag, ())[0]
+    given = given + np.random.default_rng(9).normal(0.0, 30.0, len(time))
+    fine = np.arange(0.0, time[-1], step)
+    held = asked[np.searchsorted(time, fine + 1e-9, side="right") - 1]
+    columns = {"pressure_cmd_0_pa": held, "pressure_0_pa": np.interp(fine, time, given)}
+    return Recording(name, fine, columns)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.001])
+def test_the_deviation_of_a_delay_is_the_scatter_between_steps(step: float) -> None:
+    late = _late("late", (0.0, 0.04, 0.05, 0.06, 0.07, 0.08, 0.09), step)
+    (finding,) = valve_findings(splits_of([late]), [])
+    assert finding.effect == "line_lag"
+    assert finding.parameters["dead_time"].std == pytest.approx(0.012, abs=0.004)
+
+
+@pytest.mark.parametrize("step", [0.01, 0.005, 0.001])
+def test_interpolated_samples_know_no_delay_better_than_readings(step: float) -> None:
+    (valve,) = valves_of(_late("fine", (0.0, *[0.05] * 5), step), {})
+    assert valve.timing_std >= 0.9 * 0.01 / np.sqrt(12.0)
+
+
+def test_a_lag_below_the_time_between_readings_is_none() -> None:
+    known, late = _late("known", (0.0, *[0.0] * 5), lag=0.04), _late("late", (0.0, *[0.05] * 5), lag=0.041)
+    (finding,) = valve_findings(splits_of([late]), splits_of([known]))
+    assert finding.parameters["lag"].value == 0.0
+    assert finding.parameters["dead_time"].value == pytest.approx(0.05, abs=0.011)
+
+
 def test_what_nominal_recordings_show_as_well_is_not_new() -> None:
     law = (-700.0, 0.0, 0.0, np.inf)
     known = splits_of([_recording("known", 0.05, 0.06, law)])

@@ -15,7 +15,16 @@ from softarm.estimator.diagnosis.result import (
     Quantity,
     Rival,
 )
-from softarm.estimator.diagnosis.valves import LAGS, OPEN, SETTLED, Valve, ceilings_of, predict, valves_of
+from softarm.estimator.diagnosis.valves import (
+    LAGS,
+    OPEN,
+    SETTLED,
+    Valve,
+    ceilings_of,
+    predict,
+    reading_interval,
+    valves_of,
+)
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -188,8 +197,8 @@ def _between_holds(splits: Sequence[Split]) -> float:
 
 
 def _jitter(split: Split) -> float:
-    """Return the scatter of a delay of which only the sample is known in which it ends [s]."""
-    return float(np.median(np.diff(split.time)) / np.sqrt(12.0))
+    """Return the scatter of a delay of which only the reading is known in which it ends [s]."""
+    return reading_interval(split.time, split.measured) / float(np.sqrt(12.0))
 
 
 def _ceiling(
@@ -293,14 +302,15 @@ def _delays(
     sure = _probability(late + slower, spread, len(splits) + len(references), valves)
     if late + slower <= LEAST_DELAY or sure < NAMED:
         return []
-    deviation = max(spread, max(_jitter(split) for split in suspects))
+    deviation = max(spread, float(np.hypot(_timing_std(splits), _timing_std(references))))
+    resolution = max(_jitter(split) for split in suspects)
     words = (
         f"The valve of chamber {chamber} responds {1e3 * dead:.0f} ms after its set-point, and then settles "
         f"with a time constant of {1e3 * lag:.0f} ms."
     )
     quantities = {
-        "lag": Quantity(slower, deviation, "s"),
-        "dead_time": Quantity(late, deviation, "s"),
+        name: Quantity(value if abs(value) > resolution else 0.0, deviation, "s")
+        for name, value in (("lag", slower), ("dead_time", late))
     }
     return [_finding("line_lag", chamber, words, quantities, sure, evidence, "time since a change")]
 
@@ -326,6 +336,12 @@ def _offsets(splits: Sequence[Split]) -> list[float]:
     """Return the steady errors of valves that were held open [Pa], a dead band counted as one."""
     valves = [split.valve for split in splits if split.valve.holds]
     return [valve.bias - (1.0 + valve.gain) * valve.deadband for valve in valves]
+
+
+def _timing_std(valves: Sequence[Valve]) -> float:
+    """Return the standard deviation of the mean dead time, or lag, over recordings [s]."""
+    squares = sum(valve.timing_std**2 for valve in valves)
+    return float(np.sqrt(squares)) / max(len(valves), 1)
 
 
 def _times(valves: Sequence[Valve]) -> tuple[list[float], list[float]]:

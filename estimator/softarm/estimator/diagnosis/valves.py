@@ -44,6 +44,14 @@ class ValveLaw(NamedTuple):
     vents: int = 0
 
 
+class Timing(NamedTuple):
+    """How a valve answers changes of its set-point; see ``Valve``."""
+
+    dead_time: float = 0.0
+    lag: float = 0.0
+    std: float = 0.0
+
+
 @dataclass(frozen=True)
 class Valve:
     """What one valve does, where its recording tells.
@@ -52,6 +60,7 @@ class Valve:
         chamber: Index.
         dead_time: From set-point to motion [s].
         lag: Time constant [s].
+        timing_std: Standard deviation of either [s]: the scatter between steps, or the time between readings.
         timed: Whether dead time and lag can be told.
         holds: How often a set-point below the ceiling was held for long enough to tell what it settles at.
         bias: Steady error while open [Pa].
@@ -68,6 +77,7 @@ class Valve:
     chamber: int
     dead_time: float
     lag: float
+    timing_std: float
     timed: bool
     holds: int
     bias: float
@@ -140,10 +150,19 @@ def static(
 def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceiling: float) -> Valve:
     law = _static_law(*_holds(time, setpoint, measured), ceiling)
     timed = bool(np.abs(np.interp(time + SUDDEN, time, setpoint) - setpoint).max() > LEAST_CHANGE)
-    dead_time, lag = _timing(time, setpoint, measured, law) if timed else (0.0, 0.0)
+    timing = _timing(time, setpoint, measured, law) if timed else Timing()
     noise = MAD_TO_STD * float(np.median(np.abs(np.diff(measured)))) / np.sqrt(2.0)
     rms = float(np.sqrt(np.mean((measured - setpoint) ** 2)))
-    return Valve(chamber, dead_time, lag, timed, *law, rms=rms, noise=noise)
+    return Valve(
+        chamber,
+        timing.dead_time,
+        timing.lag,
+        timing.std,
+        timed,
+        **law._asdict(),
+        rms=rms,
+        noise=noise,
+    )
 
 
 def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Floats]:
@@ -200,14 +219,17 @@ def _ceiling(level: Floats, pressure: Floats) -> float:
     return highest if near.sum() >= 2 and np.ptp(level[near]) > 2e3 and missing.max() > 3e3 else float("inf")
 
 
-def _timing(time: Floats, setpoint: Floats, measured: Floats, law: ValveLaw) -> tuple[float, float]:
+def _timing(time: Floats, setpoint: Floats, measured: Floats, law: ValveLaw) -> Timing:
     """Find the dead time at the onsets of steps, then the lag that leaves least around changes."""
     changing = np.abs(np.diff(setpoint, prepend=setpoint[0])) > 50.0
     since = np.maximum.accumulate(np.where(changing, time, time[0] - 10.0))
     near = time - since < 1.0
+    resolution = reading_interval(time, measured) / np.sqrt(12.0)
     if near.sum() < 20:
-        return 0.0, 0.0
-    dead_time = _onset(time, setpoint, measured)
+        return Timing(std=resolution)
+    onsets = _onsets(time, setpoint, measured)
+    dead_time = float(np.median(onsets)) if len(onsets) else 0.0
+    std = max(median_std(onsets), float(resolution))
     late = np.interp(time - dead_time, time, setpoint)
     target = static(late, law.bias, law.gain, law.deadband, law.ceiling, law.vented)
 
@@ -216,13 +238,40 @@ def _timing(time: Floats, setpoint: Floats, measured: Floats, law: ValveLaw) -> 
 
     best = int(np.argmin([mean_square(float(lag)) for lag in LAGS]))
     if best == len(LAGS) - 1:
-        return dead_time, float(LAGS[-1])
+        return Timing(dead_time, float(LAGS[-1]), std)
     bounds = (float(LAGS[max(best - 1, 0)]), float(LAGS[best + 1]))
-    return dead_time, float(minimize_scalar(mean_square, bounds=bounds, method="bounded").x)
+    return Timing(dead_time, float(minimize_scalar(mean_square, bounds=bounds, method="bounded").x), std)
 
 
-def _onset(time: Floats, setpoint: Floats, measured: Floats) -> float:
-    """Return the median time from a step of the set-point to the first 5 % of the pressure's answer [s]."""
+def reading_interval(time: Floats, measured: Floats) -> float:
+    """Return the time between readings of a sensor [s], which is longer than a sample if these interpolate.
+
+    Between two readings interpolated samples lie on a line. Of the samples around which the pressure changes,
+    the fraction that lies on none is that of the readings.
+    """
+    change = np.diff(measured)
+    moving = (change[1:] != 0.0) | (change[:-1] != 0.0)
+    # Far below the resolution of any sensor, and far above the rounding of a table.
+    bent = np.abs(np.diff(measured, 2)) > 1e-6 * np.ptp(measured)
+    readings = float(np.mean(bent[moving])) if moving.any() else 1.0
+    return float(np.median(np.diff(time))) / max(readings, 1.0 / max(len(time), 1))
+
+
+def median_std(values: Floats) -> float:
+    """Return the standard deviation of a median, by order statistics; 0 of fewer than two values.
+
+    The ranks (n - sqrt(n)) / 2 and (n + sqrt(n)) / 2 of n values are one standard deviation of a binomial
+    about the median's (David and Nagaraja, Order Statistics, 2003, section 7.1).
+    """
+    if len(values) < 2:
+        return 0.0
+    ranks = 0.5 + 0.5 * np.array([-1.0, 1.0]) / np.sqrt(len(values))
+    low, high = np.quantile(values, ranks, method="hazen")
+    return 0.5 * float(high - low)
+
+
+def _onsets(time: Floats, setpoint: Floats, measured: Floats) -> Floats:
+    """Return the times from steps of the set-point to 5 % of the pressure's answer [s], shape (steps,)."""
     onsets = []
     for k in np.flatnonzero(np.abs(np.diff(setpoint)) > STEP):
         end = int(np.searchsorted(time, time[k + 1] + 1.0))
@@ -230,8 +279,6 @@ def _onset(time: Floats, setpoint: Floats, measured: Floats) -> float:
             continue
         answer = np.abs(measured[k + 1 : end] - measured[k])
         moved = np.flatnonzero(answer > 0.05 * abs(setpoint[k + 1] - setpoint[k]))
-        if len(moved) and moved[0] > 0:
+        if len(moved):
             onsets.append(float(time[k + 1 + moved[0]] - time[k + 1]))
-        elif len(moved):
-            onsets.append(0.0)
-    return float(np.median(onsets)) if onsets else 0.0
+    return np.array(onsets)
