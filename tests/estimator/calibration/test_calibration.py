@@ -69,6 +69,16 @@ def test_finds_moduli_gains_and_axes_wherever_they_point(sopra: Specimen, mirror
     assert all(found.check.held_out[name] < 0.05 * found.check.before[name] for name in found.check.held_out)
 
 
+@pytest.mark.parametrize("section", ["intermediate", "tip"])
+def test_one_bend_may_have_the_other_handedness(sopra: Specimen, section: str) -> None:
+    plain = record(mirrored=False)
+    name = f"bend_{section}_x_rad"
+    flipped = replace(plain, columns={**plain.columns, name: -plain.columns[name]})
+    found = calibrate(NodeByNode(toy()), sopra, [arrange(flipped, sopra, SECTIONS)], QUICK)
+    assert found.mirrored == {one: one == section for one in ("intermediate", "tip")}
+    assert all(found.check.held_out[one] < 0.05 * found.check.before[one] for one in found.check.held_out)
+
+
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_an_axis_of_a_bend_that_was_never_read_changes_no_calibration(
     sopra: Specimen, mirrored: bool

@@ -4,7 +4,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import fdtri
 
 from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.forward import Forward
@@ -13,19 +12,14 @@ from softarm.estimator.calibration.nodes import NEVER_TOGETHER, TOGETHER, Nodes,
 from softarm.estimator.calibration.outcome import by_quantity
 from softarm.estimator.calibration.regression import estimate_lag
 from softarm.estimator.calibration.scatter import rms
+from softarm.estimator.calibration.significance import NODES_PER_FREEDOM, scatter_limit
 from softarm.estimator.errors import InputError
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import Specimen
 
-# Chance at most of calling an unchanged arm stale.
-SIGNIFICANCE = 0.01
-LEAST_RATIO = 1.3
-"""A scatter that has grown by less is no reason to calibrate anew."""
 CALIBRATION_FREEDOM = 10.0
 """Independent samples that a calibration's scatter counts as."""
-NODES_PER_FREEDOM = 4.0
-"""Neighbouring nodes say nearly the same thing."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +74,7 @@ def check_drift(
             f"record one of {', '.join(expected)}",
         )
     count = sum(len(run_nodes.time) for run_nodes in chosen)
-    chance = np.sqrt(fdtri(max(count / NODES_PER_FREEDOM, 1.0), CALIBRATION_FREEDOM, 1.0 - SIGNIFICANCE))
-    limit = max(float(chance), LEAST_RATIO)
+    limit = scatter_limit(count / NODES_PER_FREEDOM, CALIBRATION_FREEDOM)
     return tuple(
         Drift(name, scatter[name], expected[name], scatter[name] > limit * expected[name]) for name in shared
     )

@@ -12,6 +12,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.nodes import Nodes
+from softarm.estimator.calibration.significance import NODES_PER_FREEDOM, scatter_limit
 from softarm.estimator.model import Frames
 from softarm.estimator.sensing import Bend, SensorSuite
 
@@ -60,16 +61,23 @@ def fit_axes(predicted: Floats, recorded: Floats, weights: Floats, mirrored: boo
 
 
 def search_axes(suite: SensorSuite, nodes: Sequence[Nodes], frames: Sequence[Frames]) -> dict[str, AxesFit]:
-    """Find each bend's axes, by the sensor's name; all share one handedness, that which leaves least."""
+    """Find each bend's axes, by the sensor's name.
+
+    Sensors of one make have one handedness, that which leaves least of all. A sensor has the other one where
+    that leaves significantly less: an axis of it was mounted or wired the other way.
+    """
     sensors = [sensor for sensor in suite.measurements if isinstance(sensor, Bend)]
-    best: dict[str, AxesFit] = {}
-    least = np.inf
-    for mirrored in (False, True):
-        fits = {sensor.name: _fit_sensor(sensor, nodes, frames, mirrored) for sensor in sensors}
-        total = sum(fitted.rms**2 for fitted in fits.values())
-        if total < least:
-            best, least = fits, total
-    return best
+    fits = [
+        {sensor.name: _fit_sensor(sensor, nodes, frames, mirrored) for sensor in sensors}
+        for mirrored in (False, True)
+    ]
+    common, other = sorted(fits, key=lambda one: sum(fitted.rms**2 for fitted in one.values()))
+    freedom = max(sum(len(run_nodes.time) for run_nodes in nodes) / NODES_PER_FREEDOM, 1.0)
+    limit = scatter_limit(freedom, freedom)
+    return {
+        name: other[name] if fitted.rms > limit * other[name].rms else fitted
+        for name, fitted in common.items()
+    }
 
 
 def _fit_sensor(sensor: Bend, nodes: Sequence[Nodes], frames: Sequence[Frames], mirrored: bool) -> AxesFit:

@@ -1,0 +1,21 @@
+"""When one scatter is significantly larger than another."""
+
+import numpy as np
+from scipy.special import fdtri
+
+SIGNIFICANCE = 0.01
+"""Largest probability that a scatter passes its limit by chance."""
+LEAST_RATIO = 1.3
+"""Ratio of two scatters up to which they count as the same, however well they are known."""
+NODES_PER_FREEDOM = 4.0
+"""Number of neighbouring nodes that count as one independent sample."""
+
+
+def scatter_limit(freedom: float, reference: float) -> float:
+    """Return the ratio of two standard deviations above which they differ (F test).
+
+    Args:
+        freedom: Independent samples of the scatter that is judged.
+        reference: Independent samples of that to which it is compared.
+    """
+    return max(float(np.sqrt(fdtri(max(freedom, 1.0), max(reference, 1.0), 1.0 - SIGNIFICANCE))), LEAST_RATIO)
