@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -11,11 +12,14 @@ from toy import toy
 from softarm.estimator.calibration import (
     CalibrationRefusedError,
     CalibrationRun,
+    Check,
     Options,
     arrange,
     calibrate,
+    cautions,
     check_drift,
 )
+from softarm.estimator.calibration.acceptance import WORSE, require_improvement
 from softarm.estimator.calibration.data_quality import data_quality_notes
 from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.errors import InputError
@@ -47,6 +51,37 @@ def test_a_fit_that_does_not_converge_is_refused(sopra: Specimen) -> None:
         match=r"does not converge: .* would still move .*; .*, and hold random poses; the old",
     ):
         calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=40, iterations=1))
+
+
+def test_readings_that_do_not_follow_the_pressures_are_refused(sopra: Specimen) -> None:
+    base, rng = record(), np.random.default_rng(5)
+    noise = {name: rng.normal(0.0, 0.2, len(base.time)) for name in base.columns if name.startswith("bend")}
+    run = arrange(Recording("run", base.time, {**base.columns, **noise}, base.info), sopra, SECTIONS)
+    message = r"no better than their mean: they vary by .* degrees rms, and the model errs by .*; the old"
+    with pytest.raises(CalibrationRefusedError, match=message):
+        calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=80))
+
+
+def test_a_fit_that_predicts_worse_is_refused_unless_the_old_one_has_seen_the_samples() -> None:
+    worse = Check({"a.0": 1.0}, {"a.0": 1.0}, {"a.0": 1.1}, {}, 0)
+    with pytest.raises(CalibrationRefusedError, match=r"worse than before, with 1\.1 times the error"):
+        require_improvement(worse, 1.0)
+    require_improvement(worse, WORSE)
+    require_improvement(replace(worse, held_out={"a.0": 0.9}), 1.0)
+
+
+def test_a_kept_calibration_is_cautioned_about(sopra: Specimen) -> None:
+    run = arrange(record(), sopra, SECTIONS)
+    found = calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=40, iterations=8))
+    assert cautions(found) == ()
+    short = replace(found, check=replace(found.check, held_out={}), status="iterations_exhausted")
+    unsettled, unchecked = cautions(short)
+    assert "used all its iterations" in unsettled
+    assert "nothing checks it" in unchecked
+    check = Check({"a.0": 9.0}, {"a.0": 1.0}, {"a.0": 5.0}, {"a.0": 1.25}, 3)
+    unlike, line = cautions(replace(found, check=check))
+    assert "5 times the error of those that it has" in unlike
+    assert "4 times as much as a linear regression" in line
 
 
 def test_an_arm_with_chambers_of_which_no_pressure_was_recorded_is_refused(sopra: Specimen) -> None:

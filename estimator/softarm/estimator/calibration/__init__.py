@@ -1,7 +1,8 @@
 """Calibration: from recordings to moduli, chamber gains and the alignment of sensors."""
 
+from softarm.estimator.calibration.acceptance import CalibrationRefusedError, cautions
 from softarm.estimator.calibration.arrange import CalibrationRun, arrange
-from softarm.estimator.calibration.calibrate import CalibrationRefusedError, Options, calibrate, most_solves
+from softarm.estimator.calibration.calibrate import Options, calibrate, most_solves
 from softarm.estimator.calibration.drift import Drift, check_drift
 from softarm.estimator.calibration.identifiability import Identified
 from softarm.estimator.calibration.outcome import Calibrated, Check, calibrated_specimen
@@ -18,6 +19,7 @@ __all__ = [
     "arrange",
     "calibrate",
     "calibrated_specimen",
+    "cautions",
     "check_drift",
     "most_solves",
     "section_forces",

@@ -6,6 +6,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.calibration.acceptance import (
+    WORSE,
+    CalibrationRefusedError,
+    require_convergence,
+    require_excitation,
+    require_improvement,
+    require_motion_predicted,
+    require_solutions,
+)
 from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.fit import CalibrationFit, fit, left_out
 from softarm.estimator.calibration.force_accuracy import force_accuracy
@@ -13,7 +22,6 @@ from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.identifiability import KEPT, fitted, identify, kept
 from softarm.estimator.calibration.layout import Layout, build_layout
 from softarm.estimator.calibration.nodes import (
-    BLOCK,
     NEVER_TOGETHER,
     TOGETHER,
     Nodes,
@@ -27,9 +35,7 @@ from softarm.estimator.calibration.regression import estimate_lag, fit_line
 from softarm.estimator.calibration.scatter import rms, scatter_by_condition
 from softarm.estimator.calibration.search import AxesFit, search_axes
 from softarm.estimator.calibration.start import sized_by_bends, solvable, with_bends_kept
-from softarm.estimator.calibration.unknowns import Gain, Modulus
 from softarm.estimator.calibration.warm_start import joined, nearest_states
-from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import Bend, SensorSuite
@@ -38,18 +44,7 @@ from softarm.estimator.specimen import Specimen
 # The time of a fit is proportional to them, and neighbouring nodes soon say nearly the same.
 NODES = 240
 LEAST_PRESSURE_SPREAD = 1.0e3  # Pa; a chamber that moved less tells nothing of its gain
-# Share of the nodes with an equilibrium: below it the unit of a pressure or a modulus is wrong.
-LEAST_SOLVED = 0.5
 PULLED_WEIGHT = 1.5
-UNSETTLED = 1.0  # standard deviations that an unknown may still move at the end
-WORSE = 1.3  # times the old error: an old fit that has seen the blocks is allowed to know them better
-
-
-class CalibrationRefusedError(InputError):
-    """The recordings cannot carry a calibration; the old one stays."""
-
-    def __init__(self, where: str, what: str, cure: str) -> None:
-        super().__init__(where, what, f"{cure}; the old calibration stays")
 
 
 @dataclass(frozen=True)
@@ -85,7 +80,8 @@ def calibrate(
 
     Raises:
         CalibrationRefusedError: The recordings hold too little motion, the model finds no equilibrium for
-            them, or the fit predicts held-out blocks worse than the old calibration.
+            them, or the fit predicts held-out blocks worse than the old calibration, or the motion in them
+            no better than its mean.
     """
     options = options or Options()
     # Before the nodes are chosen: each averages pressures and motion of the same instants.
@@ -97,7 +93,7 @@ def calibrate(
     prior_means = forward.layout.means
     first = solvable(forward, prior_means)
     before = forward.evaluate(first)
-    _require_solutions(before, nodes)
+    require_solutions(before, nodes)
     gains: dict[str, AxesFit] = {}
     if _axes_wanted(specimen, options):
         solved = tuple(flags & part.converged for flags, part in zip(train, before, strict=True))
@@ -113,7 +109,7 @@ def calibrate(
     start = with_bends_kept(specimen, known_before, sized, pulled.values)
     forward = replace(forward, layout=pulled.near(known_before))
     trained, layout = _fit_determined(forward, known_before, start, before, train, options)
-    _require_excitation(layout)
+    require_excitation(layout)
     nearest = nearest_states(
         trained.evaluations, _parts(nodes, train), _subset(before, unseen), _parts(nodes, unseen)
     )
@@ -122,7 +118,11 @@ def calibrate(
     # compare with.
     old = before if np.array_equal(first, prior_means) else ()
     check = _check(old, trained.evaluations, held_out, nodes, train)
-    _require_improvement(check)
+    seen = bool(set(specimen.calibration.recordings) & {run.name for run in runs})
+    require_improvement(check, WORSE if seen else 1.0)
+    require_motion_predicted(
+        layout.setting(trained.values), *_judged(held_out, trained.evaluations, nodes, train)
+    )
     near = joined(before, trained.evaluations, held_out, train)
     every = tuple(np.ones(len(run_nodes.time), dtype=bool) for run_nodes in nodes)
     # Checked as it is, the model is fitted to everything, the held-out blocks included.
@@ -131,7 +131,7 @@ def calibrate(
     everything = replace(forward, layout=layout)
     start = with_bends_kept(specimen, layout, trained.values, pulled.moved(layout, trained.values))
     final = fit(everything, start, iterations=options.iterations, evaluations=near)
-    _require_convergence(final, layout)
+    require_convergence(final, layout)
     # Held near the pulls' values, the moduli would look better known than the pulls make them.
     covariance = pulled.widened(layout, final.covariance)
     scatter = scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train))
@@ -327,47 +327,3 @@ def _subset(evaluations: Sequence[NodePredictions], flags: Sequence[Flags]) -> t
 def _handedness(nodes: Sequence[Nodes]) -> dict[str, bool]:
     bends = [m for run_nodes in nodes for m in run_nodes.run.suite.measurements if isinstance(m, Bend)]
     return {bend.name.removeprefix("bend_"): bend.mirrored for bend in bends}
-
-
-def _require_solutions(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> None:
-    solved = np.concatenate([evaluation.converged for evaluation in evaluations])
-    if solved.mean() < LEAST_SOLVED:
-        raise CalibrationRefusedError(
-            ", ".join(run_nodes.run.name for run_nodes in nodes),
-            f"the model finds an equilibrium for {solved.mean():.0%} of the samples only",
-            "check the pressures' unit and the specimen's moduli",
-        )
-
-
-def _require_excitation(layout: Layout) -> None:
-    if any(layout.of(Modulus) | layout.of(Gain)):
-        return
-    raise CalibrationRefusedError(
-        "calibration", "the recordings determine neither a modulus nor a gain", Modulus.manoeuvre
-    )
-
-
-def _require_convergence(solution: CalibrationFit, layout: Layout) -> None:
-    moves = solution.unsettled
-    if moves.max(initial=0.0) > UNSETTLED:
-        unknown = layout.unknowns[int(np.argmax(moves))]
-        raise CalibrationRefusedError(
-            "calibration",
-            f"the fit does not converge: after {solution.iterations} iterations {unknown.name} would still "
-            f"move by {moves.max():.1f} of its standard deviations",
-            f"{unknown.manoeuvre}, and hold random poses",
-        )
-
-
-def _require_improvement(check: Check) -> None:
-    if not check.held_out or not check.before:
-        return
-    old = np.array([check.before[name] for name in check.held_out])
-    new = np.array(list(check.held_out.values()))
-    scale = np.maximum(old, 1e-9)
-    if np.sqrt(((new / scale) ** 2).mean()) > WORSE:
-        raise CalibrationRefusedError(
-            "calibration",
-            f"blocks of {BLOCK:.0f} s that the fit has not seen are predicted worse than before",
-            "record more poses, each held for 5 s",
-        )
