@@ -115,7 +115,7 @@ def test_the_worst_stretch_is_found_by_recording_channel_and_time(search):
     chosen = asked.blocks == asked.blocks[asked.samples // 2]
     left[1][chosen, 2] = 0.3
     worst = worst_stretch(search, left)
-    time = asked.clock[chosen] - asked.clock[0]
+    time = asked.time[chosen]
     assert (worst.recording, worst.channel, worst.unit) == ("run", "bend_tip.x", "rad")
     assert (worst.start, worst.end) == (time[0], time[-1])
     assert worst.rms == pytest.approx(0.3)

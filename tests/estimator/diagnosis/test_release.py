@@ -39,6 +39,7 @@ def released(seconds: float = 6.0, held: float = HELD, pressure: float = 0.0) ->
     return replace(
         plain,
         clock=50.0 + time,
+        start=50.0,
         pressures=np.full((len(time), 6), pressure),
         gravity=np.zeros((len(time), 3)),
         wrenches=np.zeros((len(time), 2, 6)),

@@ -47,10 +47,10 @@ def test_a_sensor_that_stops_is_named_with_its_time(stages: tuple[Stage, Stage])
     stuck = find_stuck(stopped)
     (finding,) = stuck_findings(stuck)
     assert finding.where.sensor == "bend_tip"
-    assert finding.parameters["since"].value == pytest.approx(18.0, abs=3.5)
+    assert finding.parameters["since"].value == pytest.approx(stopped.session.time[90], abs=3.5)
     assert "while the arm moves" in finding.statement
     blind = without_stuck(stopped, stuck)
-    time = stopped.session.clock - stopped.session.clock[0]
+    time = stopped.session.time - stopped.session.time[0]
     assert np.isnan(blind.session.readings[(time > 22.0) & (time < 42.0), 2:]).all()
     np.testing.assert_array_equal(blind.session.readings[:, :2], stopped.session.readings[:, :2])
 
@@ -84,7 +84,7 @@ def test_a_sensor_is_stuck_for_as_long_as_it_reads_the_same_and_the_model_is_els
     readings[90:160, 2:] = readings[90, 2:]  # the arm moves at first, and rests away from there for long
     stage = fitted.stage(model(), replace(session, pressures=pressures, readings=readings))
     (stuck,) = find_stuck(stage)
-    time = session.clock - session.clock[0]
+    time = session.time
     assert (stuck.sensor, stuck.until) == ("bend_tip", pytest.approx(time[159], abs=0.5))
 
 
@@ -152,6 +152,21 @@ def test_a_pressure_that_stands_still_is_named_and_its_set_point_stands_in() -> 
     mended = without_pressures(recording, [stuck], by_set_points=True)
     np.testing.assert_array_equal(mended.columns["pressure_2_pa"], ASKED)
     assert np.isnan(without_pressures(recording, [stuck]).columns["pressure_2_pa"][500:1500]).all()
+
+
+def test_times_are_those_of_the_recording_wherever_it_begins(stages: tuple[Stage, Stage]) -> None:
+    given = ASKED.copy()
+    given[500:1500] = given[500]
+    recording = replace(_valve(given, ASKED), time=37.6 + 0.01 * np.arange(len(ASKED)))
+    (stuck,) = stuck_pressures(recording)
+    assert stuck.since == pytest.approx(42.6)
+    assert np.isnan(without_pressures(recording, [stuck]).columns["pressure_2_pa"][500:1500]).all()
+    session = stages[1].session
+    moved = replace(session, clock=session.clock + 137.6, start=session.clock[0] + 100.0)
+    stopped = replace(stages[1], session=moved)
+    (stuck,) = find_stuck(stopped)
+    assert stuck.since == pytest.approx(moved.time[90], abs=3.5)
+    assert np.isnan(without_stuck(stopped, (stuck,)).session.readings[110:200, 2:]).all()
 
 
 def test_a_short_or_unknown_stillness_is_left_alone(stages: tuple[Stage, Stage]) -> None:

@@ -202,7 +202,7 @@ def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
             in_block = session.blocks == block
             rms, standardised = _rms(errors[:, in_block])
             row = int(np.argmax(standardised))
-            time = session.clock[in_block] - session.clock[0]
+            time = session.time[in_block]
             if worst is None or standardised[row] > worst[0]:
                 place = (session.name, channels(stage.suite)[row], stage.suite.units[row])
                 times = (float(time[0]), float(time[-1]))

@@ -57,8 +57,9 @@ def _motion(stage: Stage, residuals: dict[str, Floats]) -> Recording:
             columns[residual_column(which, name, unit)] = column
     columns[HELDOUT] = session.reported.astype(float)
     thin = slice(None, None, -(-session.samples // POINTS))
-    time = session.clock - session.clock[0]
-    return Recording(session.name, time[thin], {name: column[thin] for name, column in columns.items()})
+    return Recording(
+        session.name, session.time[thin], {name: column[thin] for name, column in columns.items()}
+    )
 
 
 def _poses(stage: Stage) -> dict[str, Floats]:

@@ -83,6 +83,7 @@ def prepare(
         name=recording.name,
         nominal=nominal,
         clock=run.time + recording.start,
+        start=recording.start,
         pressures=run.pressures,
         gravity=np.tile(run.gravity, (samples, 1)),
         wrenches=_wrenches(run, forces, sections),

@@ -66,14 +66,15 @@ def find_release(session: Session, natural_frequency: float | None) -> Release |
     settled = np.asarray(time >= time[first] + RINGS / natural_frequency)
     if settled.sum() < LEAST_SAMPLES:
         least = RINGS / natural_frequency + LEAST_SAMPLES * session.step
-        begin, end = float(time[first]), float(time[-1])
+        begin, end = float(session.time[first]), float(session.time[-1])
         raise InputError(
             session.name,
             f"the arm was let go at {begin:.2f} s, and the recording ends {end - begin:.2f} s later, before "
             f"its vibration of {natural_frequency:.1f} Hz has decayed",
             f"record at least {least:.1f} s after the release",
         )
-    return Release(replace(session.thin(settled), natural_frequency=natural_frequency), float(time[first]))
+    released = float(session.time[first])
+    return Release(replace(session.thin(settled), natural_frequency=natural_frequency), released)
 
 
 def _largest(readings: Floats) -> int:

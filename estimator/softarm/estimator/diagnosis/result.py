@@ -199,8 +199,8 @@ class Stretch:
         recording: Name of the recording.
         channel: Name of the channel.
         unit: Its unit: ``m``, ``rad`` or ``Pa``.
-        start: Seconds from the start of the recording.
-        end: The same.
+        start: When it begins, by the recording's own times [s].
+        end: When it ends.
         rms: Root mean square of the residual in it, in ``unit``.
     """
 

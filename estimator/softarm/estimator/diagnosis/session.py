@@ -34,6 +34,7 @@ class Session:
         commanded: Whether some of the pressures are set-points.
         confirms: Of those held out, the samples on which a choice is confirmed, shape (samples,); the others
             decide nothing.
+        start: When the recording began by the session's clock [s]: what its own times are counted from.
     """
 
     name: str
@@ -51,6 +52,12 @@ class Session:
     event_readings: Floats | None = None
     commanded: bool = True
     confirms: Flags | bool = False
+    start: float = 0.0
+
+    @property
+    def time(self) -> Floats:
+        """Times as the recording states them [s], in which every report counts, shape (samples,)."""
+        return self.clock - self.start
 
     @property
     def reported(self) -> Flags:

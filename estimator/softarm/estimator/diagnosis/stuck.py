@@ -38,8 +38,8 @@ class Stuck:
     Args:
         recording: In which recording.
         sensor: Its name.
-        since: Seconds from the start of the recording.
-        until: Seconds from the start of the recording.
+        since: Time of the recording [s].
+        until: Time of the recording [s].
         before: Root mean square of its error against the model [rad, or m over ``LEVER``]; of a pressure
             that of the set-point, over ``RESOLUTION``.
         after: The same of its motion, which is what a held reading leaves.
@@ -64,7 +64,7 @@ def stuck_pressures(recording: Recording) -> tuple[Stuck, ...]:
     A valve that does not answer is something else: its sensor goes on showing noise.
     """
     stuck = []
-    time = recording.time - recording.time[0]
+    time = recording.time
     for chamber in recording.chambers:
         setpoint = recording.columns.get(f"pressure_cmd_{chamber}_pa")
         measured = recording.columns.get(f"pressure_{chamber}_pa")
@@ -91,7 +91,7 @@ def without_pressures(
 ) -> Recording:
     """Lose what stuck pressure sensors read, or put the set-points in its place."""
     columns = dict(recording.columns)
-    time = recording.time - recording.time[0]
+    time = recording.time
     for one in stuck:
         if one.recording == recording.name:
             during = (time >= one.since) & (time <= one.until)
@@ -139,7 +139,7 @@ def find_stuck(stage: Stage) -> tuple[Stuck, ...]:
     """
     stuck = []
     stage = stage.with_events
-    time = stage.session.clock - stage.session.clock[0]
+    time = stage.session.time
     measured, residual = stage.reading_rows, stage.residual
     predicted = measured - residual
     for measurement in stage.suite.measurements:
@@ -168,7 +168,7 @@ def without_stuck(stage: Stage, stuck: tuple[Stuck, ...]) -> Stage:
         return stage
     session = stage.session
     lost = np.zeros(session.readings.shape, dtype=bool)
-    time = session.clock - session.clock[0]
+    time = session.time
     for one in stuck:
         entries = stage.suite.reading_slices.get(one.sensor)
         if entries is not None:

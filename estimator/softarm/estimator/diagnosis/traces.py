@@ -48,7 +48,7 @@ def _trace(search: Search, before: Floats, after: Floats, number: int, row: int)
         session.name,
         channels(stage.suite)[row],
         stage.suite.units[row],
-        (session.clock - session.clock[0])[thin],
+        session.time[thin],
         reading[thin],
         (reading - before[:, row])[thin],
         (reading - after[:, row])[thin],
