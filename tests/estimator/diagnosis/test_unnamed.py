@@ -7,7 +7,7 @@ from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.diagnose import assemble, begin
 from softarm.estimator.diagnosis.judge import CERTAIN
-from softarm.estimator.diagnosis.unnamed import unnamed_law
+from softarm.estimator.diagnosis.unnamed import UnnamedLaw, unnamed_law
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import LOCKING, Concealed, model, session
 
@@ -41,3 +41,8 @@ def test_what_explains_more_alone_is_what_acts(questioned: Concealed, *, unknown
     gain = search.candidate(own, np.array([-0.1]), search.problem(), None)
     assert gain is not None
     assert (unnamed_law(search, gain.fit).probability > 0.5) is unknown
+
+
+def test_the_names_that_a_law_outdoes_are_listed_once() -> None:
+    law = UnnamedLaw(100.0, 10.0, 0.99, ("sensor_drift", "sensor_drift", "line_lag"), Place(), "")
+    assert law.sentence().endswith("predicts unseen recordings better than sensor drift, line lag.")

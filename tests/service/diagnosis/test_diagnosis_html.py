@@ -105,7 +105,7 @@ def test_the_page_shows_each_finding_its_numbers_rivals_and_losers():
         "the upper segment",
         "1.26 degrees → 0.458 degrees",
         "3.2 → 1.1",
-        "bend_tip.x of run_04, from 12.0 to 15.0 s: 1.15 degrees rms",
+        "bend_tip.x of run_04, from 12.0 to 15.0 s, where it is 1.15 degrees rms",
     ):
         assert words in told
 

@@ -32,7 +32,7 @@ def test_down_to_the_noise_is_said_only_where_the_error_is_near_it(after: float,
     ("before", "words"),
     [
         (8.1, "show in the readings themselves.*stays at 8.1 times"),
-        (6.5, "it was 6.5 and is 8.1 times the noise"),
+        (6.5, "rises from 6.5 to 8.1 times the noise.*doubtful"),
     ],
 )
 def test_an_error_that_does_not_fall_is_stated(before: float, words: str):
@@ -40,6 +40,70 @@ def test_an_error_that_does_not_fall_is_stated(before: float, words: str):
     said = sentences.verdict(replace(made, heldout=replace(made.heldout, before=before)))
     assert re.search(words, said)
     assert "explain" not in said
+
+
+def test_a_verdict_that_unseen_data_contradict_says_so_first():
+    made = explained(8.1)
+    worse = replace(made, heldout=replace(made.heldout, before=6.5))
+    assert sentences.summary(worse)[0].startswith("sopra: explained, but not confirmed. ")
+    assert sentences.summary(made)[0].startswith("sopra: explained. ")
+
+
+def test_a_finding_without_a_name_does_not_show_in_the_readings_themselves():
+    missing, known = unexplained().findings[0], explained().findings[0]
+    made = replace(unexplained(), verdict="partly_explained", findings=(missing, known))
+    words = sentences.verdict(made)
+    assert words.startswith("The model is missing physics that no known effect explains. What else is found")
+
+
+def test_a_consistent_arm_may_have_a_sensor_that_stands_still():
+    found = replace(explained().findings[0], effect="sensor_stuck", confusable_with=())
+    made = replace(consistent(), findings=(found,))
+    words = sentences.verdict(made)
+    assert words.startswith(
+        "The findings below show in the readings themselves. Beside them, no missing physics"
+    )
+    line = sentences.finding_line(1, found, made)
+    assert "what the sensor reads meanwhile is not used" in line
+    assert "removes" not in line
+    assert "removes" not in sentences.effect_on_error(found, made)
+
+
+def test_no_unseen_data_are_stated_as_such():
+    made = replace(consistent(), heldout=replace(consistent().heldout, before=0.0, after=0.0, channels={}))
+    assert "0 times the noise" not in " ".join(sentences.summary(made))
+    assert "leave no unseen data" in sentences.verdict(made)
+
+
+def test_recordings_that_could_show_nothing_are_named():
+    made = consistent()
+    assert "would have shown" not in sentences.verdict(made)
+    blind = sentences.verdict(replace(made, detection_limits=()))
+    assert (
+        "no change of the arm's stiffness or of a chamber's gain, and no payload, would have shown" in blind
+    )
+
+
+def test_the_worst_stretch_is_one_of_what_was_assumed():
+    words = sentences.remaining(diagnosis())
+    assert "largest" not in words
+    assert "exceeds what was assumed of the model's errors the most in bend_tip.x of run_04" in words
+
+
+def test_a_finding_that_removes_nothing_says_so():
+    one = explained()
+    finding = one.findings[0]
+    own = replace(finding.evidence, heldout_before=1.0, heldout_after=2.0)
+    line = sentences.finding_line(1, replace(finding, evidence=own), one)
+    assert "removes nothing of the mismatch" in line
+
+
+def test_the_probability_of_a_valve_is_that_of_its_error():
+    finding = explained().findings[0]
+    valve = replace(finding.evidence, channels={"pressure_0": ChannelError("Pa", 900.0, 300.0)})
+    words = sentences.rivals(replace(finding, evidence=valve, probability=1.0))
+    assert "that the valve errs in this direction has a probability of 100 %" in words
+    assert "distinguish it from hysteresis" in words
 
 
 def test_a_verdict_with_nominal_recordings_compares_with_them():

@@ -144,7 +144,7 @@ class UnnamedLaw:
         acts = f"Something that no known effect explains acts{where}."
         if not self.nearest:
             return acts
-        names = ", ".join(name.replace("_", " ") for name in self.nearest)
+        names = ", ".join(name.replace("_", " ") for name in dict.fromkeys(self.nearest))
         return f"{acts} A law without a name predicts unseen recordings better than {names}."
 
 

@@ -22,6 +22,21 @@ NEAR_NOISE = 1.5
 STRENGTHS = ((2.0, "decisive"), (1.0, "strong"), (0.5, "substantial"), (0.0, "weak"), (-np.inf, "none"))
 """Least decimal logarithm of a Bayes factor and its name: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995),
 section 3.2, who call "weak" what is "not worth more than a bare mention"."""
+OF_THE_ARM = {
+    "segment_stiffness",
+    "local_stiffness_defect",
+    "material_softening",
+    "material_stiffening",
+    "chamber_gain",
+    "tip_payload",
+}
+"""Effects that change where the arm rests. Their detection limits are stated as far as their bounds."""
+LEFT_OUT = {
+    "sensor_stuck": "what the sensor reads meanwhile is not used",
+    "event": "what was read meanwhile is not used",
+    "frame_mismatch": "the recording was converted before anything else",
+}
+"""Findings that are mended or left out before any fit, so that they remove no error of the model."""
 WHITE_VARIANCE = (0.5, 2.0)
 WHITE_CORRELATION = 0.3
 """Variance and correlation of innovations between which they are called white noise of the learnt size."""
@@ -85,9 +100,24 @@ def physical(channels: ChannelErrors) -> str:
     return " and ".join(parts)
 
 
+def headline(diagnosis: Diagnosis) -> str:
+    """Name the verdict, and that unseen data contradict it where they do."""
+    name = plain(diagnosis.verdict)
+    return f"{name}, but not confirmed" if _contradicted(diagnosis) else name
+
+
+def _contradicted(diagnosis: Diagnosis) -> bool:
+    """Return whether findings make the error on unseen data larger, by what is printed of it."""
+    heldout = diagnosis.heldout
+    rises = heldout.after > heldout.before and number(heldout.after) != number(heldout.before)
+    return bool(diagnosis.findings) and diagnosis.verdict != "unexplained" and rises
+
+
 def verdict(diagnosis: Diagnosis) -> str:
     """Return the verdict in sentences that are true of the numbers in them."""
     heldout, left = diagnosis.heldout, diagnosis.unexplained
+    if not heldout.channels:
+        return _unchecked(diagnosis)
     after = f"{number(heldout.after)} times the noise"
     fall = f"falls from {number(heldout.before)} to {after}"
     known = (
@@ -97,11 +127,16 @@ def verdict(diagnosis: Diagnosis) -> str:
         else ""
     )
     if diagnosis.verdict == "consistent":
+        beside = (
+            "The findings below show in the readings themselves. Beside them, " if diagnosis.findings else ""
+        )
         if heldout.after <= NEAR_NOISE:
-            return f"The model agrees with the recordings: the error on unseen data is {after}."
+            agrees = f"{'the' if beside else 'The'} model agrees with the recordings"
+            return f"{beside}{agrees}: the error on unseen data is {after}.{blindness(diagnosis)}"
+        missing = f"{'no' if beside else 'No'} missing physics was found"
         return (
-            f"No missing physics was found. The error on unseen data is {after}, so a change that is smaller "
-            f"than this error of the model would not show.{known}"
+            f"{beside}{missing}. The error on unseen data is {after}, so a change that is smaller "
+            f"than this error of the model would not show.{known}{blindness(diagnosis)}"
         )
     if diagnosis.verdict == "unexplained":
         return (
@@ -109,14 +144,18 @@ def verdict(diagnosis: Diagnosis) -> str:
             f"{after}.{known}"
         )
     if number(heldout.after) == number(heldout.before):
+        stays = f"The error of the model on unseen data stays at {after}."
+        if any(finding.effect == "unknown" for finding in diagnosis.findings):
+            return (
+                "The model is missing physics that no known effect explains. What else is found below shows "
+                f"in the readings themselves. {stays}"
+            )
+        return f"The findings below show in the readings themselves. {stays}"
+    if _contradicted(diagnosis):
         return (
-            "The findings below show in the readings themselves. The error of the model on unseen data stays "
-            f"at {after}."
-        )
-    if heldout.after > heldout.before:
-        return (
-            "The findings below show in the recordings that decided. On unseen data the error does not fall: "
-            f"it was {number(heldout.before)} and is {after}."
+            "The findings below show in the data that decided, but not in those that were kept for this "
+            f"report, where the error rises from {number(heldout.before)} to {after}. They are doubtful "
+            "until more recordings confirm them."
         )
     if diagnosis.verdict == "partly_explained":
         return (
@@ -132,6 +171,27 @@ def verdict(diagnosis: Diagnosis) -> str:
         "The model was missing physics. The findings below explain the mismatch, but not down to the noise: "
         f"the error on unseen data {fall}.{known}"
     )
+
+
+def blindness(diagnosis: Diagnosis) -> str:
+    """Write that no change of the arm itself could have shown; empty where one could, or of valves alone."""
+    units = {one.unit for one in diagnosis.heldout.channels.values()}
+    if units <= {"Pa"} or any(one.effect in OF_THE_ARM for one in diagnosis.detection_limits):
+        return ""
+    return (
+        " But however large, no change of the arm's stiffness or of a chamber's gain, and no payload, would "
+        "have shown in these recordings."
+    )
+
+
+def _unchecked(diagnosis: Diagnosis) -> str:
+    """Return the verdict where no data were left unseen."""
+    unseen = "The recordings leave no unseen data, so no error on such data is stated."
+    if diagnosis.verdict == "consistent":
+        return f"No missing physics was found. {unseen}"
+    if diagnosis.verdict == "unexplained":
+        return f"The model is missing physics that no known effect explains. {unseen}"
+    return f"The model is missing physics, of which the findings below are known. {unseen}"
 
 
 def gain(before: float, after: float, interval: tuple[float, float]) -> str:
@@ -165,6 +225,8 @@ def most_changed(channels: ChannelErrors) -> tuple[str, ChannelError] | None:
 
 def effect_on_error(finding: Finding, diagnosis: Diagnosis) -> str:
     """Write what a finding does to the error on unseen data, in physical units and over the noise."""
+    if finding.effect in LEFT_OUT:
+        return f"For this finding, {LEFT_OUT[finding.effect]}."
     own = finding.evidence
     ratio = f"{number(own.heldout_before)} instead of {number(own.heldout_after)} times the noise"
     best = most_changed(own.channels)
@@ -185,6 +247,8 @@ def evidence_sentence(finding: Finding) -> str:
     words = f"The evidence for it is {evidence(own.log_bayes_factor)}."
     if finding.probability is not None:
         what = "no known effect explains it" if finding.effect == "unknown" else "it acts there"
+        if is_valve(finding):
+            what = "the valve errs in this direction"
         words += f" The probability that {what} is {100.0 * finding.probability:.0f} %."
     return words
 
@@ -223,14 +287,18 @@ def _spans(variance: Mapping[str, float], correlation: Mapping[str, float]) -> s
 def remaining(diagnosis: Diagnosis) -> str:
     """Write what is left with all findings, where and when."""
     left = diagnosis.unexplained
-    words = f"With all findings the error on unseen data is {number(left.normalised_rms)} times the noise."
+    words = "No data were left unseen."
+    if diagnosis.heldout.channels:
+        words = (
+            f"With all findings the error on unseen data is {number(left.normalised_rms)} times the noise."
+        )
     if left.when:
         words += f" Most of it sits at {describe(left.where)}; {dependence(left.when)}."
     worst = left.worst
     if worst is not None:
         words += (
-            f" The largest error is in {worst.channel} of {worst.recording}, {_span(worst)}: "
-            f"{amount(worst.rms, worst.unit)} rms."
+            f" It exceeds what was assumed of the model's errors the most in {worst.channel} of "
+            f"{worst.recording}, {_span(worst)}, where it is {amount(worst.rms, worst.unit)} rms."
         )
     return words
 
@@ -247,14 +315,24 @@ def finding_line(index: int, finding: Finding, diagnosis: Diagnosis) -> str:
         return f"{index}. {place(finding)}: {finding.statement}"
     sizes = ", ".join(f"{plain(name)} {quantity(one)}" for name, one in finding.parameters.items())
     removes = f"; removes {removed(finding, diagnosis)}" if sizes else ""
+    if finding.effect in LEFT_OUT:
+        removes = f"; {LEFT_OUT[finding.effect]}"
     return f"{index}. {place(finding)}{': ' if sizes else ''}{sizes}{removes}{rivals(finding)}"
+
+
+def is_valve(finding: Finding) -> bool:
+    """Return whether a finding is judged by set-point and pressure alone."""
+    channels = finding.evidence.channels
+    return bool(channels) and all(name.startswith("pressure_") for name in channels)
 
 
 def removed(finding: Finding, diagnosis: Diagnosis) -> str:
     """Write the share of the mismatch that a finding removes, and of which mismatch."""
-    valve = all(name.startswith("pressure_") for name in finding.evidence.channels)
-    which = " between set-point and pressure" if valve and finding.evidence.channels else ""
-    return f"{100.0 * share(finding, diagnosis):.0f} % of the mismatch{which}"
+    which = " between set-point and pressure" if is_valve(finding) else ""
+    percent = 100.0 * share(finding, diagnosis)
+    if percent <= 0.0:
+        return f"nothing of the mismatch{which}"
+    return f"{'less than 1' if percent < 1.0 else f'{percent:.0f}'} % of the mismatch{which}"
 
 
 def rivals(finding: Finding) -> str:
@@ -262,13 +340,20 @@ def rivals(finding: Finding) -> str:
     if not finding.confusable_with:
         return ""
     others = " or ".join(f"{plain(one.effect)}, {describe(one.where)}" for one in finding.confusable_with)
-    own = "" if finding.probability is None else f" (probability {100.0 * finding.probability:.0f} %)"
-    return f"; these data cannot distinguish it{own} from {others}"
+    if finding.probability is None:
+        return f"; these data cannot distinguish it from {others}"
+    percent = f"{100.0 * finding.probability:.0f} %"
+    if is_valve(finding):
+        return (
+            f"; that the valve errs in this direction has a probability of {percent}, but these data cannot "
+            f"distinguish it from {others}"
+        )
+    return f"; these data cannot distinguish it (probability {percent}) from {others}"
 
 
 def summary(diagnosis: Diagnosis) -> list[str]:
     """Write a diagnosis in a few lines: verdict, findings, error before and after."""
-    lines = [f"{diagnosis.specimen}: {plain(diagnosis.verdict)}. {verdict(diagnosis)}"]
+    lines = [f"{diagnosis.specimen}: {headline(diagnosis)}. {verdict(diagnosis)}"]
     lines += [finding_line(k, one, diagnosis) for k, one in enumerate(diagnosis.findings, start=1)]
     if diagnosis.heldout.channels:
         lines.append(f"Error on unseen data, before and after: {physical(diagnosis.heldout.channels)}.")
