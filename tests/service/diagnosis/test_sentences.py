@@ -87,7 +87,7 @@ def test_recordings_that_could_show_nothing_are_named():
 def test_the_worst_stretch_is_one_of_what_was_assumed():
     words = sentences.remaining(diagnosis())
     assert "largest" not in words
-    assert "exceeds what was assumed of the model's errors the most in bend_tip.x of run_04" in words
+    assert "Compared with what was assumed, the error is greatest in bend_tip.x of run_04" in words
 
 
 def test_a_finding_that_removes_nothing_says_so():

@@ -297,7 +297,7 @@ def remaining(diagnosis: Diagnosis) -> str:
     worst = left.worst
     if worst is not None:
         words += (
-            f" It exceeds what was assumed of the model's errors the most in {worst.channel} of "
+            f" Compared with what was assumed, the error is greatest in {worst.channel} of "
             f"{worst.recording}, {_span(worst)}, where it is {amount(worst.rms, worst.unit)} rms."
         )
     return words
