@@ -62,6 +62,14 @@ def test_readings_that_do_not_follow_the_pressures_are_refused(sopra: Specimen) 
         calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=80))
 
 
+def test_a_chamber_with_a_wrong_number_is_refused(sopra: Specimen) -> None:
+    base = record(chambers=(0,), kinds=("frame",))
+    columns = {name.replace("pressure_0", "pressure_1"): values for name, values in base.columns.items()}
+    run = arrange(Recording("run", base.time, columns, base.info), sopra, SECTIONS)
+    with pytest.raises(CalibrationRefusedError, match=r"no better than their mean: they vary by .* mm rms"):
+        calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=80))
+
+
 def test_a_fit_that_predicts_worse_is_refused_unless_the_old_one_has_seen_the_samples() -> None:
     worse = Check({"a.0": 1.0}, {"a.0": 1.0}, {"a.0": 1.1}, {}, 0)
     with pytest.raises(CalibrationRefusedError, match=r"worse than before, with 1\.1 times the error"):

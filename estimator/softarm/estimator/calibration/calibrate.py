@@ -7,6 +7,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.acceptance import (
+    LEAST_PRESSURE_SPREAD,
     WORSE,
     CalibrationRefusedError,
     require_convergence,
@@ -43,7 +44,6 @@ from softarm.estimator.specimen import Specimen
 
 # The time of a fit is proportional to them, and neighbouring nodes soon say nearly the same.
 NODES = 240
-LEAST_PRESSURE_SPREAD = 1.0e3  # Pa; a chamber that moved less tells nothing of its gain
 PULLED_WEIGHT = 1.5
 
 
