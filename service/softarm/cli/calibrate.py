@@ -62,6 +62,7 @@ def command(
     from softarm.analysis.offline.inputs import load_recordings, specimen_of, taken_in
     from softarm.estimator.arm import build_arm
     from softarm.estimator.calibration import (
+        CalibrationRefusedError,
         Options,
         arrange,
         calibrate,
@@ -108,8 +109,12 @@ def command(
         show(drift_table(drifts), as_json=as_json)
         return int(any(drift.stale for drift in drifts))
     options = Options(nodes=nodes, search_axes=axes)
-    with progress(f"calibrating {robot.name}", most_solves(options)) as advance:
-        found = calibrate(NodeByNode(model, advance), robot, runs, options)
+    try:
+        with progress(f"calibrating {robot.name}", most_solves(options)) as advance:
+            found = calibrate(NodeByNode(model, advance), robot, runs, options)
+    except CalibrationRefusedError as refusal:
+        say(f"softarm: {refusal}")
+        return 1
     told = f"softarm calibrate, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {found.nodes} samples"
     save_specimen(calibrated_specimen(robot, found, told), out)
     show(*calibration_tables(found), as_json=as_json)

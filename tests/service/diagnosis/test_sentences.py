@@ -134,6 +134,15 @@ def test_a_finding_that_has_rivals_names_them():
     assert "distinguish" not in sentences.finding_line(1, replace(finding, confusable_with=()), one)
 
 
+def test_what_one_pose_shows_is_missing_and_has_perhaps_a_name():
+    one = unexplained()
+    assert "physics that no known effect explains" in sentences.verdict(one)
+    finding = replace(one.findings[0], confusable_with=explained().findings[0].confusable_with)
+    shown = replace(one, findings=(finding,))
+    assert "show in too few poses to name it" in sentences.verdict(shown)
+    assert sentences.finding_line(1, finding, shown).endswith("; perhaps hysteresis, the lower segment")
+
+
 def test_a_valve_removes_its_own_mismatch():
     one = explained()
     finding = one.findings[0]

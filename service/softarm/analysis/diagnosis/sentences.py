@@ -139,16 +139,12 @@ def verdict(diagnosis: Diagnosis) -> str:
             f"than this error of the model would not show.{known}{blindness(diagnosis)}"
         )
     if diagnosis.verdict == "unexplained":
-        return (
-            "The model is missing physics that no known effect explains: the error on unseen data is "
-            f"{after}.{known}"
-        )
+        return f"{nameless(diagnosis)}: the error on unseen data is {after}.{known}"
     if number(heldout.after) == number(heldout.before):
         stays = f"The error of the model on unseen data stays at {after}."
         if any(finding.effect == "unknown" for finding in diagnosis.findings):
             return (
-                "The model is missing physics that no known effect explains. What else is found below shows "
-                f"in the readings themselves. {stays}"
+                f"{nameless(diagnosis)}. What else is found below shows in the readings themselves. {stays}"
             )
         return f"The findings below show in the readings themselves. {stays}"
     if _contradicted(diagnosis):
@@ -184,13 +180,20 @@ def blindness(diagnosis: Diagnosis) -> str:
     )
 
 
+def nameless(diagnosis: Diagnosis) -> str:
+    """Write that something is missing, and why it has no name."""
+    if any(finding.effect == "unknown" and finding.confusable_with for finding in diagnosis.findings):
+        return "The model is missing physics that these recordings show in too few poses to name it"
+    return "The model is missing physics that no known effect explains"
+
+
 def _unchecked(diagnosis: Diagnosis) -> str:
     """Return the verdict where no data were left unseen."""
     unseen = "The recordings leave no unseen data, so no error on such data is stated."
     if diagnosis.verdict == "consistent":
         return f"No missing physics was found. {unseen}"
     if diagnosis.verdict == "unexplained":
-        return f"The model is missing physics that no known effect explains. {unseen}"
+        return f"{nameless(diagnosis)}. {unseen}"
     return f"The model is missing physics, of which the findings below are known. {unseen}"
 
 
@@ -340,6 +343,8 @@ def rivals(finding: Finding) -> str:
     if not finding.confusable_with:
         return ""
     others = " or ".join(f"{plain(one.effect)}, {describe(one.where)}" for one in finding.confusable_with)
+    if finding.effect == "unknown":
+        return f"; perhaps {others}"
     if finding.probability is None:
         return f"; these data cannot distinguish it from {others}"
     percent = f"{100.0 * finding.probability:.0f} %"
