@@ -121,7 +121,9 @@ def test_a_name_is_as_probable_as_that_it_is_in_the_library(
     assert shared.probability == pytest.approx(0.6 * alone.probability, abs=0.02)
 
 
-def test_recordings_in_question_are_kept_with_poses_and_residuals(weak: DiagnosisOutcome) -> None:
+def test_recordings_in_question_are_kept_with_poses_and_residuals(
+    weak: DiagnosisOutcome, weak_sessions: list[Session]
+) -> None:
     diagnosis = weak.diagnosis
     assert tuple(one.name for one in diagnosis.motions) == diagnosis.recordings
     for channel, error in diagnosis.heldout.channels.items():
@@ -129,8 +131,9 @@ def test_recordings_in_question_are_kept_with_poses_and_residuals(weak: Diagnosi
             column = residual_column(which, channel, error.unit)
             unseen = [one.columns[column][one.columns[HELDOUT] == 1.0] for one in diagnosis.motions]
             assert np.sqrt(np.nanmean(np.concatenate(unseen) ** 2)) == pytest.approx(expected)
+    begins = {session.name: session.time[0] for session in weak_sessions}
     for motion in diagnosis.motions:
-        assert motion.time[0] == 0.0
+        assert motion.time[0] == begins[motion.name]
         assert np.linalg.norm(motion.stack(("estimate_frame_tip_qw", "estimate_frame_tip_qx")), axis=1).all()
         assert {"pressure_0_pa", "bend_tip_x_rad"} <= set(motion.columns)
 

@@ -36,6 +36,7 @@ def test_an_arm_that_takes_a_pose_after_the_other_stays_near_one_for_about_a_hol
     rng = np.random.default_rng(3)
     poses = np.repeat(rng.normal(size=(200, 2)), round(hold / 0.1), axis=0)[:2000]
     poses[::7] = np.nan
+    poses = np.column_stack([poses, np.full(len(poses), np.nan)])  # an axis that was lost throughout
     assert 0.1 * samples_near_one_pose(poses) == pytest.approx(hold, rel=0.5)
 
 

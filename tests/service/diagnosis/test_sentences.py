@@ -101,9 +101,9 @@ def test_a_finding_that_removes_nothing_says_so():
 def test_the_probability_of_a_valve_is_that_of_its_error():
     finding = explained().findings[0]
     valve = replace(finding.evidence, channels={"pressure_0": ChannelError("Pa", 900.0, 300.0)})
-    words = sentences.rivals(replace(finding, evidence=valve, probability=1.0))
-    assert "that the valve errs in this direction has a probability of 100 %" in words
-    assert "distinguish it from hysteresis" in words
+    named = replace(finding, evidence=valve, probability=1.0)
+    assert "distinguish it from hysteresis" in sentences.rivals(named)
+    assert "that the valve errs in this direction is 100 %" in sentences.evidence_sentence(named)
 
 
 def test_a_verdict_with_nominal_recordings_compares_with_them():

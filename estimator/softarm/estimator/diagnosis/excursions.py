@@ -73,5 +73,6 @@ def samples_near_one_pose(readings: Floats) -> float:
     Args:
         readings: NaN where lost, shape (samples, rows).
     """
-    moved = readings - np.nanmean(readings, axis=0)
+    read = readings[:, np.isfinite(readings).any(axis=0)]
+    moved = read - np.nanmean(read, axis=0)
     return max((correlation_length(column) for column in moved.T), default=1.0)

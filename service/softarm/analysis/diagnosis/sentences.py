@@ -345,15 +345,13 @@ def rivals(finding: Finding) -> str:
     others = " or ".join(f"{plain(one.effect)}, {describe(one.where)}" for one in finding.confusable_with)
     if finding.effect == "unknown":
         return f"; perhaps {others}"
-    if finding.probability is None:
+    if finding.probability is None or is_valve(
+        finding
+    ):  # that of a valve is of its error and not of its name
         return f"; these data cannot distinguish it from {others}"
-    percent = f"{100.0 * finding.probability:.0f} %"
-    if is_valve(finding):
-        return (
-            f"; that the valve errs in this direction has a probability of {percent}, but these data cannot "
-            f"distinguish it from {others}"
-        )
-    return f"; these data cannot distinguish it (probability {percent}) from {others}"
+    return (
+        f"; these data cannot distinguish it (probability {100.0 * finding.probability:.0f} %) from {others}"
+    )
 
 
 def summary(diagnosis: Diagnosis) -> list[str]:
