@@ -8,6 +8,7 @@ from viser import uplot
 
 from softarm.analysis.diagnosis import sentences
 from softarm.analysis.diagnosis.report import ConfusablePart, FindingPart, Report
+from softarm.estimator.diagnosis import words as effect_words
 from softarm.estimator.diagnosis.result import Quantity
 from softarm.estimator.effects.effect import describe
 from softarm.estimator.recording import Recording
@@ -120,20 +121,20 @@ class DiagnosisPage:
 
 
 def _title(one: FindingPart | ConfusablePart) -> str:
-    return f"{sentences.plain(one.effect)}, {describe(one.where)}"
+    return f"{effect_words.plain(one.effect)}, {describe(one.where)}"
 
 
 def _verdict(report: Report) -> str:
     before, after = report.heldout.normalised_rms_before, report.heldout.normalised_rms_after
     return (
-        f"{sentences.plain(report.verdict).capitalize()}. Error on unseen data: {sentences.number(before)} "
-        f"times the noise before, {sentences.number(after)} after."
+        f"{effect_words.plain(report.verdict).capitalize()}. Error on unseen data: "
+        f"{sentences.number(before)} times the noise before, {sentences.number(after)} after."
     )
 
 
 def _finding(finding: FindingPart) -> str:
     rows = {
-        sentences.plain(name): sentences.quantity(Quantity(**size.model_dump()))
+        effect_words.plain(name): sentences.quantity(Quantity(**size.model_dump()))
         for name, size in finding.parameters.items()
     }
     if finding.probability is not None:

@@ -8,6 +8,7 @@ import pytest
 
 from softarm.analysis.diagnosis import sentences
 from softarm.analysis.diagnosis.report import report_of
+from softarm.estimator.diagnosis import words as effect_words
 from softarm.estimator.diagnosis.result import ChannelError, InnovationTest, Quantity
 from tests.service.diagnosis.made_diagnosis import (
     consistent,
@@ -171,8 +172,8 @@ def test_page_terminal_and_json_agree(made):
             assert shown in terminal
     assert report["unexplained"]["normalised_rms"] == report["heldout"]["normalised_rms_after"]
     for finding in report["findings"]:
-        assert sentences.plain(finding["effect"]) in text
-        assert sentences.plain(finding["effect"]) in terminal
+        assert effect_words.plain(finding["effect"]) in text
+        assert effect_words.plain(finding["effect"]) in terminal
 
 
 @pytest.mark.parametrize(

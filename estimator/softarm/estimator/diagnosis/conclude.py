@@ -45,7 +45,7 @@ from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.sizes import without_fragments
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
-from softarm.estimator.diagnosis.words import dependence, manoeuvre, sentence_on
+from softarm.estimator.diagnosis.words import dependence, manoeuvre, plain, sentence_on
 from softarm.estimator.effects import EFFECTS, describe
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -418,10 +418,10 @@ def unknown(
     rivals: tuple[Rival, ...] = ()
     if law is None and seen_once is not None:
         name, place = seen_once.name, seen_once.place
-        words = name.replace("_", " ")
         differ = (
-            f"Model and recordings differ. A known effect would explain it, {words} of {describe(place)}, "
-            "but these recordings show it in a single pose, and of one pose the model may be wrong."
+            f"Model and recordings differ. A known effect would explain it, {plain(name)} of "
+            f"{describe(place)}, but these recordings show it in a single pose, and of one pose the model "
+            "may be wrong."
         )
         rivals = (Rival(name, place, "the same in several other poses", 0.0),)
     return Finding(

@@ -61,7 +61,7 @@ from softarm.estimator.diagnosis.touches import find_touches, without_touches
 from softarm.estimator.diagnosis.traces import traces_of
 from softarm.estimator.diagnosis.unnamed import LIKELIER, UnnamedLaw, unnamed_law, unnamed_probability
 from softarm.estimator.diagnosis.vibration import fit_vibration, with_vibration
-from softarm.estimator.diagnosis.words import possible
+from softarm.estimator.diagnosis.words import plain, possible
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
@@ -414,8 +414,7 @@ def _notes(search: Search, choice: ChosenEffects) -> list[str]:
     gains = usual_gains(search.evidence, search.marginal(choice.fit))
     usual = sorted((name for name in gains if gains[name] > CHANGED), key=lambda name: -gains[name])
     if usual:
-        words = ", ".join(name.replace("_", " ") for name in usual)
-        notes.append(f"These recordings show such a share of {words}.")
+        notes.append(f"These recordings show such a share of {', '.join(map(plain, usual))}.")
     if search.evidence.fitted.layout.of(Area).any():
         notes.append(
             "The specimen was never calibrated: moduli, and the areas that pressures push on, were "

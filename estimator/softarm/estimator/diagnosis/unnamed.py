@@ -38,6 +38,7 @@ from softarm.estimator.diagnosis.nominal import background_of, changed_prior, pr
 from softarm.estimator.diagnosis.normal_equations import NewColumns, Total, added
 from softarm.estimator.diagnosis.probability import density, pseudo_bma
 from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.words import plain
 from softarm.estimator.effects import describe
 from softarm.estimator.simulation.filters import first_order
 from softarm.estimator.specimen.physics import EffectName, Place
@@ -144,7 +145,7 @@ class UnnamedLaw:
         acts = f"Something that no known effect explains acts{where}."
         if not self.nearest:
             return acts
-        names = ", ".join(name.replace("_", " ") for name in dict.fromkeys(self.nearest))
+        names = ", ".join(map(plain, dict.fromkeys(self.nearest)))
         return f"{acts} A law without a name predicts unseen recordings better than {names}."
 
 

@@ -29,6 +29,11 @@ PNEUMATIC = ("chamber", "pressure", "valve", "vent", "hose", "ramp", "hold")
 """Words that show that a manoeuvre needs chambers."""
 
 
+def plain(name: str) -> str:
+    """Write the name of an effect as words."""
+    return name.replace("_", " ")
+
+
 def dependence(when: str) -> str:
     """Return a clause on what a mismatch depends on."""
     if when == "constant":

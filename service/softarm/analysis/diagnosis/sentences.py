@@ -13,7 +13,7 @@ from softarm.estimator.diagnosis.result import (
     Quantity,
     Stretch,
 )
-from softarm.estimator.diagnosis.words import dependence
+from softarm.estimator.diagnosis.words import dependence, plain
 from softarm.estimator.effects.amounts import readable
 from softarm.estimator.effects.effect import describe
 
@@ -58,11 +58,6 @@ def quantity(one: Quantity) -> str:
     factor, name = readable(one.unit)
     deviation = f" ± {factor * one.std:.2g}" if one.std else ""
     return f"{factor * one.value:.4g}{deviation} {name}".strip()
-
-
-def plain(name: str) -> str:
-    """Write the name of an effect as words."""
-    return name.replace("_", " ")
 
 
 def place(finding: Finding) -> str:
