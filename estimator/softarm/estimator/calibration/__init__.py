@@ -1,6 +1,10 @@
 """Calibration: from recordings to moduli, chamber gains and the alignment of sensors."""
 
-from softarm.estimator.calibration.acceptance import CalibrationRefusedError, cautions
+from softarm.estimator.calibration.acceptance import (
+    CalibrationRefusedError,
+    MotionNotPredictedError,
+    cautions,
+)
 from softarm.estimator.calibration.arrange import CalibrationRun, arrange
 from softarm.estimator.calibration.calibrate import Options, calibrate, most_solves
 from softarm.estimator.calibration.drift import Drift, check_drift
@@ -15,6 +19,7 @@ __all__ = [
     "Check",
     "Drift",
     "Identified",
+    "MotionNotPredictedError",
     "Options",
     "arrange",
     "calibrate",

@@ -34,6 +34,10 @@ class CalibrationRefusedError(InputError):
         super().__init__(where, what, f"{cure}; the old calibration stays")
 
 
+class MotionNotPredictedError(CalibrationRefusedError):
+    """Whatever is fitted, the model predicts the motion no better than its mean does."""
+
+
 def require_solutions(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> None:
     """Refuse recordings for which the model finds too few equilibria."""
     solved = np.concatenate([evaluation.converged for evaluation in evaluations])
@@ -116,7 +120,7 @@ def require_motion_predicted(
         return
     unit, (after, before) = next(iter(ratios.items()))
     factor, name = readable(unit)
-    raise CalibrationRefusedError(
+    raise MotionNotPredictedError(
         "calibration",
         f"the model predicts the readings no better than their mean: they vary by {factor * before:.3g} "
         f"{name} rms, and the model errs by {factor * after:.3g} {name}",

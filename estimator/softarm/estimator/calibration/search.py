@@ -72,7 +72,8 @@ def search_axes(suite: SensorSuite, nodes: Sequence[Nodes], frames: Sequence[Fra
         for mirrored in (False, True)
     ]
     common, other = sorted(fits, key=lambda one: sum(fitted.rms**2 for fitted in one.values()))
-    freedom = max(sum(len(run_nodes.time) for run_nodes in nodes) / NODES_PER_FREEDOM, 1.0)
+    # Each node has two angles of a sensor.
+    freedom = max(2.0 * sum(len(run_nodes.time) for run_nodes in nodes) / NODES_PER_FREEDOM, 1.0)
     limit = scatter_limit(freedom, freedom)
     return {
         name: other[name] if fitted.rms > limit * other[name].rms else fitted

@@ -18,6 +18,7 @@ from softarm.estimator.calibration import (
     Calibrated,
     CalibrationRefusedError,
     Check,
+    MotionNotPredictedError,
     Options,
     arrange,
     calibrate,
@@ -56,6 +57,7 @@ STEP = 0.1
 """Shortest window of a mean in long recordings [s]."""
 SHORT = 20.0
 """Recordings below it [s] are looked at more closely."""
+CHECK_NAMES = "check that columns name the right chambers, sensors and units, or calibrate the specimen"
 SLOWEST, FASTEST = 1.5, 15.0
 """Frequencies between which soft arms and beams vibrate [Hz]."""
 FEW = 400
@@ -202,13 +204,20 @@ def _without_axes(specimen: Specimen, sessions: Sequence[Session]) -> bool:
 def with_axes(
     specimen: Specimen, admitted: Admitted, sections: tuple[str, ...], rod: CalibratedRod
 ) -> tuple[Specimen, str]:
-    """Calibrate a specimen whose bends' axes nobody knows; every fourth stretch of time stays unseen."""
+    """Calibrate a specimen whose bends' axes nobody knows; every fourth stretch of time stays unseen.
+
+    Raises:
+        InputError: With no axes does the model predict the motion better than its mean does.
+    """
     chosen = admitted.nominal or tuple(
         recording.window(np.asarray(blocks_of(recording.time) % 4 != 2)) for recording in admitted.suspects
     )
     runs = [arrange(recording, specimen, sections) for recording in chosen]
     try:
         found = calibrate(rod.with_loads(()), specimen, runs, Options(search_axes=True))
+    except MotionNotPredictedError as refusal:
+        names = ", ".join(recording.name for recording in chosen)
+        raise InputError(names, f"however the axes of the bends lie, {refusal.what}", CHECK_NAMES) from None
     except CalibrationRefusedError as refusal:
         return specimen, f"The axes of the bends stay as described: {refusal}"
     words = (
