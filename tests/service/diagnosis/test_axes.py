@@ -28,7 +28,7 @@ def with_refusal(monkeypatch: pytest.MonkeyPatch, refusal: CalibrationRefusedErr
 
 def test_recordings_whose_motion_no_axes_predict_are_refused(monkeypatch):
     refusal = MotionNotPredictedError("calibration", "the model errs by 24 degrees", "look again")
-    with pytest.raises(InputError, match="turned: however .* lie, the model errs by 24 degrees; check that"):
+    with pytest.raises(InputError, match=r"turned: however .* lie, the model errs by 24 degrees; check"):
         with_refusal(monkeypatch, refusal)
 
 
