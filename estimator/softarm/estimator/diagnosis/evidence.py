@@ -260,13 +260,15 @@ class RegressionProblem:
     def _fullest(self, weights: Weights, residuals: Sequence[Floats], *, nominal: bool) -> list[Floats]:
         """Return what everything at once leaves of nominal, or other, recordings, widened by what it fits.
 
-        It fits independent samples, of which there are fewer than samples.
+        It fits independent samples, of which there are fewer than samples. Beside nominal recordings, which
+        last minutes, all count: what is left of unchanged arms is less than the noise as it is.
         """
         every = self.products(weights, residuals)
         parts = [p for p in every if not p.heldout and p.nominal == nominal]
         if not parts:
             return list(residuals)
-        everything, fraction = total(parts, self.size), weights.effective_sample_fraction
+        everything = total(parts, self.size)
+        fraction = 1.0 if self.has_nominal else weights.effective_sample_fraction
         posterior = self.prior(FULLEST, FULLEST).posterior(everything, fraction)
         spent = fraction * float(np.einsum("ij,ji->", posterior.covariance, everything.matrix))
         count = fraction * everything.count
