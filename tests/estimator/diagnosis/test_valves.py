@@ -6,7 +6,7 @@ import pytest
 from softarm.estimator.diagnosis.admit import Admitted
 from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
 from softarm.estimator.diagnosis.valve_verdict import LEFT_OVER, not_compared, valve_diagnosis, with_valves
-from softarm.estimator.diagnosis.valves import static, valves_of
+from softarm.estimator.diagnosis.valves import ValveLaw, static, valves_of
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
@@ -15,13 +15,17 @@ from softarm.estimator.specimen.physics import Place
 TIME = np.arange(0.0, 80.0, 0.01)
 
 
+def settled(setpoint: np.ndarray, bias: float, gain: float, deadband: float, ceiling: float) -> np.ndarray:
+    return static(setpoint, ValveLaw(bias=bias, gain=gain, deadband=deadband, ceiling=ceiling))
+
+
 def _recording(name: str, dead_time: float = 0.0, lag: float = 0.0, law: tuple = (0.0, 0.0, 0.0, np.inf)):
     levels = np.array(
         [0.0, 1e3, 2e3, 4e3, 0.0, 20e3, 0.0, 30e3, 40e3, 10e3, 55e3, 50e3, 60e3, 25e3, 5e3, 0.0]
     )
     asked = np.repeat(levels, len(TIME) // len(levels))
     late = np.interp(TIME - dead_time, TIME, asked)
-    given = first_order(TIME, static(late, *law), lag, ())[0]
+    given = first_order(TIME, settled(late, *law), lag, ())[0]
     given = given + np.random.default_rng(1).normal(0.0, 30.0, len(TIME))
     return Recording(name, TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
 
@@ -32,16 +36,16 @@ def test_a_perfect_valve_has_no_finding() -> None:
 
 def test_dead_time_lag_and_bias_are_found() -> None:
     (valve,) = valves_of(_recording("late", 0.05, 0.06, (-700.0, 0.0, 0.0, np.inf)), {})
-    assert valve.dead_time == pytest.approx(0.05, abs=0.015)
-    assert valve.lag == pytest.approx(0.06, abs=0.02)
-    assert valve.bias == pytest.approx(-700.0, abs=60.0)
-    assert valve.ceiling == np.inf
+    assert valve.timing.dead_time == pytest.approx(0.05, abs=0.015)
+    assert valve.timing.lag == pytest.approx(0.06, abs=0.02)
+    assert valve.law.bias == pytest.approx(-700.0, abs=60.0)
+    assert valve.law.ceiling == np.inf
 
 
 @pytest.mark.parametrize("lag", [0.008, 0.053, 0.115, 0.26])
 def test_a_delay_is_found_to_a_fraction_of_itself(lag: float) -> None:
     (valve,) = valves_of(_recording("slow", lag=lag), {})
-    assert valve.dead_time + valve.lag == pytest.approx(lag, rel=0.02, abs=0.002)
+    assert valve.timing.dead_time + valve.timing.lag == pytest.approx(lag, rel=0.02, abs=0.002)
 
 
 def _late(name: str, dead_times: tuple[float, ...], step: float = 0.01, lag: float = 0.04) -> Recording:
@@ -71,7 +75,7 @@ def test_the_deviation_of_a_delay_is_the_scatter_between_steps(step: float) -> N
 @pytest.mark.parametrize("step", [0.01, 0.005, 0.001])
 def test_interpolated_samples_know_no_delay_better_than_readings(step: float) -> None:
     (valve,) = valves_of(_late("fine", (0.0, *[0.05] * 5), step), {})
-    assert valve.timing_std >= 0.9 * 0.01 / np.sqrt(12.0)
+    assert valve.timing.std >= 0.9 * 0.01 / np.sqrt(12.0)
 
 
 def test_a_lag_below_the_time_between_readings_is_none() -> None:
@@ -108,7 +112,7 @@ def test_a_valve_that_was_held_only_at_its_ceiling_says_nothing_of_its_bias() ->
             asked = np.where(TIME % 20.0 > 10.0, highest, 0.0)
             noise = np.random.default_rng(chamber).normal(0.0, 30.0, len(TIME))
             columns[f"pressure_cmd_{chamber}_pa"] = asked
-            columns[f"pressure_{chamber}_pa"] = static(asked, -750.0, 0.0, 0.0, most) + noise
+            columns[f"pressure_{chamber}_pa"] = settled(asked, -750.0, 0.0, 0.0, most) + noise
         return Recording(name, TIME, columns)
 
     known = splits_of([held(f"known_{number}", 30e3, np.inf) for number in range(4)])
@@ -121,7 +125,7 @@ def test_a_staircase_of_short_holds_shows_a_dead_band() -> None:
     def climbed(name: str, band: float) -> Recording:
         steps = np.floor(TIME / 0.9) % 7.0 * 1300.0
         asked = np.interp(TIME, TIME + 0.05, steps)
-        given = first_order(TIME, static(asked, -400.0, 0.0, band, np.inf), 0.05, ())[0]
+        given = first_order(TIME, settled(asked, -400.0, 0.0, band, np.inf), 0.05, ())[0]
         given = given + np.random.default_rng(8).normal(0.0, 30.0, len(TIME))
         return Recording(name, TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
 
@@ -143,10 +147,10 @@ def test_a_ceiling_shows_across_recordings_of_one_level_each() -> None:
 def test_a_valve_that_was_never_held_tells_no_bias() -> None:
     held = _recording("known", law=(-700.0, 0.0, 0.0, np.inf))
     asked = 20e3 * (1.0 - np.cos(2.0 * np.pi * TIME / 20.0))
-    given = static(asked, -700.0, 0.0, 0.0, np.inf) + np.random.default_rng(2).normal(0.0, 30.0, len(TIME))
+    given = settled(asked, -700.0, 0.0, 0.0, np.inf) + np.random.default_rng(2).normal(0.0, 30.0, len(TIME))
     waves = Recording("waves", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
     (valve,) = valves_of(waves, {})
-    assert valve.holds == 0
+    assert valve.law.holds == 0
     assert valve_findings(splits_of([waves]), splits_of([held])) == ()
 
 
@@ -171,7 +175,7 @@ def test_one_short_hold_is_no_bias_where_holds_scatter() -> None:
 def test_a_long_hold_with_ripple_shows_its_bias() -> None:
     """The arm that swings at the valve's end makes its pressure swing by some hundred pascals."""
     asked = np.where((TIME > 10.0) & (TIME < 30.0) | (TIME > 45.0) & (TIME < 65.0), 30e3, 0.0)
-    given = first_order(TIME, static(asked, -700.0, 0.0, 0.0, np.inf), 0.04, ())[0]
+    given = first_order(TIME, settled(asked, -700.0, 0.0, 0.0, np.inf), 0.04, ())[0]
     given = given + np.where(asked > 0.0, 300.0 * np.sin(0.4 * TIME), 0.0)
     given = given + np.random.default_rng(6).normal(0.0, 30.0, len(TIME))
     columns = {"pressure_cmd_0_pa": asked, "pressure_0_pa": given}
@@ -220,7 +224,7 @@ def test_an_offset_of_the_sensor_shows_where_it_cancels_a_dead_band() -> None:
 def test_a_valve_that_passes_less_than_nominal_may_have_a_dead_band() -> None:
     known = splits_of([_recording("known", law=(-800.0, 0.0, 0.0, np.inf))])
     asked = np.where(TIME % 20.0 > 10.0, 30e3, 0.0)
-    given = static(asked, -2000.0, 0.0, 0.0, np.inf) + np.random.default_rng(4).normal(0.0, 30.0, len(TIME))
+    given = settled(asked, -2000.0, 0.0, 0.0, np.inf) + np.random.default_rng(4).normal(0.0, 30.0, len(TIME))
     low = Recording("low", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
     (finding,) = valve_findings(splits_of([low]), known)
     assert (finding.effect, finding.when) == ("pressure_bias", "pressure level")

@@ -19,6 +19,7 @@ from softarm.estimator.diagnosis.valves import (
     LAGS,
     OPEN,
     SETTLED,
+    Timing,
     Valve,
     ceilings_of,
     predict,
@@ -176,13 +177,13 @@ def _scatter(
         prior: Its scatter before anything is seen, worth ``WORTH`` recordings.
         groups: Recordings by state.
     """
-    squares, count = WORTH * prior**2, WORTH
+    squares, count = 0.0, 0
     for group in groups:
         for chamber in {split.valve.chamber for split in group}:
             deviations = np.array(measured(of_chamber(group, chamber)))
             squares += float(np.sum((deviations - deviations.mean()) ** 2)) if len(deviations) else 0.0
             count += max(len(deviations) - 1, 0)
-    return float(np.sqrt(squares / count))
+    return _pooled(prior, squares, count)
 
 
 def _between_holds(splits: Sequence[Split]) -> float:
@@ -190,10 +191,20 @@ def _between_holds(splits: Sequence[Split]) -> float:
 
     One hold, or two shortly after each other, tell nothing of it.
     """
-    several = [split.valve for split in splits if split.valve.holds > 1]
-    squares = sum((valve.holds - 1) * valve.bias_std**2 for valve in several)
-    count = sum(valve.holds - 1 for valve in several)
-    return float(np.sqrt((WORTH * BETWEEN_HOLDS**2 + squares) / (WORTH + count)))
+    several = [split.valve.law for split in splits if split.valve.law.holds > 1]
+    squares = sum((law.holds - 1) * law.bias_std**2 for law in several)
+    return _pooled(BETWEEN_HOLDS, squares, sum(law.holds - 1 for law in several))
+
+
+def _pooled(prior: float, squares: float, count: int) -> float:
+    """Return a scatter of which a prior is worth ``WORTH`` differences beside those that were seen.
+
+    Args:
+        prior: The scatter before anything is seen.
+        squares: Sum of the squared differences from their mean.
+        count: Their degrees of freedom.
+    """
+    return float(np.sqrt((WORTH * prior**2 + squares) / (WORTH + count)))
 
 
 def _jitter(split: Split) -> float:
@@ -205,8 +216,8 @@ def _ceiling(
     chamber: int, splits: Sequence[Split], references: Sequence[Split], evidence: Evidence
 ) -> list[Finding]:
     """Report a pressure that is not passed; a law learnt before it was met cannot be judged by it."""
-    ceilings = [split.valve.ceiling for split in splits if np.isfinite(split.valve.ceiling)]
-    if not ceilings or any(np.isfinite(split.valve.ceiling) for split in references):
+    ceilings = [split.valve.law.ceiling for split in splits if np.isfinite(split.valve.law.ceiling)]
+    if not ceilings or any(np.isfinite(split.valve.law.ceiling) for split in references):
         return []
     ceiling = float(np.median(ceilings))
     lost = max(float(split.setpoint.max()) for split in splits) - ceiling
@@ -232,7 +243,7 @@ def _steady(
     if not ours or (references and not theirs):
         return []
     change = float(np.mean(ours)) - (float(np.mean(theirs)) if theirs else 0.0)
-    within = max(between_holds, *(split.valve.bias_std for split in splits)) / np.sqrt(len(ours))
+    within = max(between_holds, *(split.valve.law.bias_std for split in splits)) / np.sqrt(len(ours))
     between = scatter * np.sqrt(1.0 / len(ours) + 1.0 / len(theirs)) if theirs else 0.0
     spread = max(float(np.hypot(within, between)), 20.0)
 
@@ -246,8 +257,8 @@ def _steady(
         for size in (vented, change - vented)
     )
     findings = []
-    band = max((split.valve.deadband for split in references), default=0.0) + LEAST_BAND
-    if opened < 0.0 and any(split.valve.deadband > band for split in splits):
+    band = max((split.valve.law.deadband for split in references), default=0.0) + LEAST_BAND
+    if opened < 0.0 and any(split.valve.law.deadband > band for split in splits):
         words = f"The first {-1e-3 * opened:.2f} kPa of the set-point of chamber {chamber} have no effect."
         quantity = {"band": Quantity(-opened, spread, "Pa")}
         findings.append(
@@ -279,7 +290,7 @@ def _steady(
 
 def _vented(splits: Sequence[Split]) -> float:
     """Return what is read while valves are shut, over recordings in which they were [Pa]; 0 without these."""
-    read = [split.valve.vented for split in splits if split.valve.vents]
+    read = [split.valve.law.vented for split in splits if split.valve.law.vents]
     return float(np.mean(read)) if read else 0.0
 
 
@@ -327,31 +338,32 @@ def _probability(size: float, spread: float, recordings: int, valves: int = 1) -
     return float(stdtr(WORTH + recordings, size / max(spread, 1e-300))) ** valves
 
 
-def _timed(splits: Sequence[Split]) -> list[Valve]:
-    """Return the valves whose delays can be told; a lag at the end of the grid is no lag."""
-    return [split.valve for split in splits if split.valve.timed and split.valve.lag < LAGS[-1]]
+def _timed(splits: Sequence[Split]) -> list[Timing]:
+    """Return the delays of valves that show them; a lag at the end of the grid is no lag."""
+    timings = [split.valve.timing for split in splits if split.valve.timed]
+    return [timing for timing in timings if timing.lag < LAGS[-1]]
 
 
 def _offsets(splits: Sequence[Split]) -> list[float]:
     """Return the steady errors of valves that were held open [Pa], a dead band counted as one."""
-    valves = [split.valve for split in splits if split.valve.holds]
-    return [valve.bias - (1.0 + valve.gain) * valve.deadband for valve in valves]
+    laws = [split.valve.law for split in splits if split.valve.law.holds]
+    return [law.bias - (1.0 + law.gain) * law.deadband for law in laws]
 
 
-def _timing_std(valves: Sequence[Valve]) -> float:
+def _timing_std(timings: Sequence[Timing]) -> float:
     """Return the standard deviation of the mean dead time, or lag, over recordings [s]."""
-    squares = sum(valve.timing_std**2 for valve in valves)
-    return float(np.sqrt(squares)) / max(len(valves), 1)
+    squares = sum(timing.std**2 for timing in timings)
+    return float(np.sqrt(squares)) / max(len(timings), 1)
 
 
-def _times(valves: Sequence[Valve]) -> tuple[list[float], list[float]]:
+def _times(timings: Sequence[Timing]) -> tuple[list[float], list[float]]:
     """Return dead times and lags [s]."""
-    return [valve.dead_time for valve in valves], [valve.lag for valve in valves]
+    return [timing.dead_time for timing in timings], [timing.lag for timing in timings]
 
 
 def _delayed(splits: Sequence[Split]) -> list[float]:
     """Return dead time and lag together [s]: what one gains the other loses."""
-    return [valve.dead_time + valve.lag for valve in _timed(splits)]
+    return [timing.dead_time + timing.lag for timing in _timed(splits)]
 
 
 def channel_error(pairs: Floats) -> ChannelError:

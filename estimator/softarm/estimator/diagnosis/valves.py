@@ -32,7 +32,18 @@ LEAST_CHANGE, SUDDEN = 3000.0, 0.1
 
 
 class ValveLaw(NamedTuple):
-    """What a valve settles at; see ``Valve``."""
+    """What a valve settles at.
+
+    Args:
+        holds: How often a set-point below the ceiling was held for long enough to tell what it settles at.
+        bias: Steady error while open [Pa].
+        bias_std: Standard deviation of that between holds [Pa]; 0 where there were less than two.
+        gain: Relative error that grows with the set-point.
+        deadband: Set-point up to which nothing comes [Pa].
+        ceiling: Pressure that is not passed however much is asked [Pa]; infinite where it is never met.
+        vented: Pressure that is read while the set-point is zero [Pa]; 0 where it was never held.
+        vents: How often a set-point of zero was held for long enough to read that.
+    """
 
     holds: int = 0
     bias: float = 0.0
@@ -45,7 +56,13 @@ class ValveLaw(NamedTuple):
 
 
 class Timing(NamedTuple):
-    """How a valve answers changes of its set-point; see ``Valve``."""
+    """How a valve answers changes of its set-point.
+
+    Args:
+        dead_time: From set-point to motion [s].
+        lag: Time constant [s].
+        std: Standard deviation of either [s]: the scatter between steps, or the time between readings.
+    """
 
     dead_time: float = 0.0
     lag: float = 0.0
@@ -58,35 +75,17 @@ class Valve:
 
     Args:
         chamber: Index.
-        dead_time: From set-point to motion [s].
-        lag: Time constant [s].
-        timing_std: Standard deviation of either [s]: the scatter between steps, or the time between readings.
-        timed: Whether dead time and lag can be told.
-        holds: How often a set-point below the ceiling was held for long enough to tell what it settles at.
-        bias: Steady error while open [Pa].
-        bias_std: Standard deviation of that between holds [Pa]; 0 where there were less than two.
-        gain: Relative error that grows with the set-point.
-        deadband: Set-point up to which nothing comes [Pa].
-        ceiling: Pressure that is not passed however much is asked [Pa]; infinite where it is never met.
-        vented: Pressure that is read while the set-point is zero [Pa]; 0 where it was never held.
-        vents: How often a set-point of zero was held for long enough to read that.
+        timing: How it answers changes.
+        timed: Whether that can be told.
+        law: What it settles at.
         rms: Root mean square of measured minus asked [Pa].
         noise: Standard deviation of the reading in holds [Pa].
     """
 
     chamber: int
-    dead_time: float
-    lag: float
-    timing_std: float
+    timing: Timing
     timed: bool
-    holds: int
-    bias: float
-    bias_std: float
-    gain: float
-    deadband: float
-    ceiling: float
-    vented: float
-    vents: int
+    law: ValveLaw
     rms: float
     noise: float
 
@@ -134,17 +133,14 @@ def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]
 
 def predict(valve: Valve, time: Floats, setpoint: Floats) -> Floats:
     """Return the pressure that a valve's law predicts [Pa], shape (samples,)."""
-    late = np.interp(time - valve.dead_time, time, setpoint)
-    target = static(late, valve.bias, valve.gain, valve.deadband, valve.ceiling, valve.vented)
-    return first_order(time, target, valve.lag, ())[0]
+    late = np.interp(time - valve.timing.dead_time, time, setpoint)
+    return first_order(time, static(late, valve.law), valve.timing.lag, ())[0]
 
 
-def static(
-    setpoint: Floats, bias: float, gain: float, deadband: float, ceiling: float, vented: float = 0.0
-) -> Floats:
-    """Return the settled pressure for a set-point [Pa]; the arguments are those of ``Valve``."""
-    target = np.minimum((1.0 + gain) * (setpoint - deadband) + bias, ceiling)
-    return np.where(setpoint > max(deadband, OPEN), np.maximum(target, vented), vented)
+def static(setpoint: Floats, law: ValveLaw) -> Floats:
+    """Return the settled pressure for a set-point [Pa]."""
+    target = np.minimum((1.0 + law.gain) * (setpoint - law.deadband) + law.bias, law.ceiling)
+    return np.where(setpoint > max(law.deadband, OPEN), np.maximum(target, law.vented), law.vented)
 
 
 def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceiling: float) -> Valve:
@@ -153,16 +149,7 @@ def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceili
     timing = _timing(time, setpoint, measured, law) if timed else Timing()
     noise = MAD_TO_STD * float(np.median(np.abs(np.diff(measured)))) / np.sqrt(2.0)
     rms = float(np.sqrt(np.mean((measured - setpoint) ** 2)))
-    return Valve(
-        chamber,
-        timing.dead_time,
-        timing.lag,
-        timing.std,
-        timed,
-        **law._asdict(),
-        rms=rms,
-        noise=noise,
-    )
+    return Valve(chamber, timing, timed, law, rms, noise)
 
 
 def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Floats]:
@@ -231,7 +218,7 @@ def _timing(time: Floats, setpoint: Floats, measured: Floats, law: ValveLaw) -> 
     dead_time = float(np.median(onsets)) if len(onsets) else 0.0
     std = max(median_std(onsets), float(resolution))
     late = np.interp(time - dead_time, time, setpoint)
-    target = static(late, law.bias, law.gain, law.deadband, law.ceiling, law.vented)
+    target = static(late, law)
 
     def mean_square(lag: float) -> float:
         return float(np.mean((measured - first_order(time, target, lag, ())[0])[near] ** 2))
