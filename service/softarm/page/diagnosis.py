@@ -7,10 +7,9 @@ import viser
 from viser import uplot
 
 from softarm.analysis.diagnosis import sentences
-from softarm.analysis.diagnosis.report import ConfusablePart, FindingPart, Report
+from softarm.analysis.diagnosis.report import FindingPart, Report
 from softarm.estimator.diagnosis import words as effect_words
 from softarm.estimator.diagnosis.result import Quantity
-from softarm.estimator.effects.effect import describe
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
@@ -48,7 +47,9 @@ class DiagnosisPage:
         server: viser.ViserServer,
     ) -> None:
         self._specimen, self._rest = specimen, np.array(surface.rest_m)
-        self._findings = {f"{k}. {_title(one)}": one for k, one in enumerate(report.findings, start=1)}
+        self._findings = {
+            f"{k}. {sentences.place(one)}": one for k, one in enumerate(report.findings, start=1)
+        }
         noise = report.baseline.noise_floor
         self._shown = {
             one.name: (Playback(one, specimen), MismatchOverTime(one, noise)) for one in recordings
@@ -120,10 +121,6 @@ class DiagnosisPage:
             self._pressures.content = readings.pressures({"measured": instant.measured_pa}, limits)
 
 
-def _title(one: FindingPart | ConfusablePart) -> str:
-    return f"{effect_words.plain(one.effect)}, {describe(one.where)}"
-
-
 def _verdict(report: Report) -> str:
     before, after = report.heldout.normalised_rms_before, report.heldout.normalised_rms_after
     return (
@@ -140,6 +137,6 @@ def _finding(finding: FindingPart) -> str:
     if finding.probability is not None:
         rows["probability"] = f"{100.0 * finding.probability:.0f} %"
     table = "".join(f"<tr><td>{plain(n)}</td><td><b>{plain(v)}</b></td></tr>" for n, v in rows.items())
-    rivals = "; ".join(map(_title, finding.confusable_with))
+    rivals = "; ".join(map(sentences.place, finding.confusable_with))
     confusable = f"These recordings cannot distinguish it from: {plain(rivals)}." if rivals else ""
     return f"{plain(finding.statement)}<table>{table}</table>{confusable}"

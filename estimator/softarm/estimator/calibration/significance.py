@@ -11,11 +11,13 @@ NODES_PER_FREEDOM = 4.0
 """Number of neighbouring nodes that count as one independent sample."""
 
 
-def scatter_limit(freedom: float, reference: float) -> float:
+def scatter_limit(freedom: float, reference: float, significance: float = SIGNIFICANCE) -> float:
     """Return the ratio of two standard deviations above which they differ (F test).
 
     Args:
         freedom: Independent samples of the scatter that is judged.
         reference: Independent samples of that to which it is compared.
+        significance: Largest probability that the limit is passed by chance.
     """
-    return max(float(np.sqrt(fdtri(max(freedom, 1.0), max(reference, 1.0), 1.0 - SIGNIFICANCE))), LEAST_RATIO)
+    ratio = fdtri(max(freedom, 1.0), max(reference, 1.0), 1.0 - significance)
+    return max(float(np.sqrt(ratio)), LEAST_RATIO)

@@ -17,6 +17,9 @@ from softarm.estimator.specimen import SHIPPED, Specimen
 Given = TypeVar("Given")
 Taken = TypeVar("Taken")
 
+PRESSURES_MOVE = "at least 20 s in which pressures rise above 10 kPa and come down again"
+ARM_MOVES = "at least 20 s in which the arm moves and comes to rest"
+"""What a diagnosis needs, with chambers and without."""
 LEAST_SAMPLES = 20
 LEAST_SECONDS = 0.5
 LONGEST_GAP = 1.0
@@ -170,12 +173,7 @@ def _nothing_moves(names: str, suspects: Sequence[Recording], specimen: Specimen
 
 def _to_record(specimen: Specimen) -> str:
     """State what a diagnosis needs."""
-    moving = (
-        "pressures rise above 10 kPa and come down again"
-        if specimen.chambers
-        else "the arm moves and comes to rest"
-    )
-    return f"record at least 20 s in which {moving}"
+    return f"record {PRESSURES_MOVE if specimen.chambers else ARM_MOVES}"
 
 
 def _opens_valves(recording: Recording) -> bool:

@@ -171,7 +171,7 @@ class Search:
 
     def marginal(self, fit: Fit | None) -> Marginal:
         """Return what the searched stretches show of every column beside accepted effects."""
-        searched = total(_searched(self.parts(fit)), self.evidence.size)
+        searched = total(self.searched(fit), self.evidence.size)
         return Marginal.of(self.prior, searched, self.weights.effective_sample_fraction)
 
     def parts(self, fit: Fit | None) -> list[NormalEquations]:
@@ -181,6 +181,10 @@ class Search:
             products = self.evidence.products(self.weights, self.residuals(fit))
             self.products[key] = [part for part in products if not part.nominal]
         return self.products[key]
+
+    def searched(self, fit: Fit | None) -> list[NormalEquations]:
+        """Return those of ``parts`` that a fit may see."""
+        return [part for part in self.parts(fit) if not part.heldout]
 
     def residuals(self, fit: Fit | None) -> list[Floats]:
         """Return the residuals that accepted effects leave; nominal recordings have none of them."""
@@ -216,7 +220,7 @@ class Search:
             weight = used / self.evidence.scale(self.weights, number)
             common = self.evidence.columns[number][used] * weight[used][:, None].astype(np.float32)
             weighted.append(RecordingResidual(stage, np.nan_to_num(residual) * weight, weight, common))
-        normal_equations = total(_searched(self.parts(fit)), self.evidence.size)
+        normal_equations = total(self.searched(fit), self.evidence.size)
         return MarginalisedProblem.of(
             weighted, self.prior, self.weights.effective_sample_fraction, normal_equations
         )
@@ -413,7 +417,16 @@ class Search:
                 used = np.isfinite(self.evidence.residuals[number]) & ~session.reported[:, None]
                 change = self.change(stage, candidate.fit) / self.evidence.scale(self.weights, number)
                 squares = np.sum(np.where(used, np.nan_to_num(change), 0.0) ** 2, axis=1)
-                yield session.clock, squares, samples_near_one_pose(stage.reading_rows)
+                yield session.clock, squares, self._samples_near_one_pose[number]
+
+    @cached_property
+    def _samples_near_one_pose(self) -> dict[int, float]:
+        """How long the arm stays near one pose in each session in question, in samples, by its number."""
+        return {
+            number: samples_near_one_pose(stage.reading_rows)
+            for number, stage in enumerate(self.evidence.stages)
+            if not stage.session.nominal
+        }
 
     def predicted(self, candidate: Candidate, fit: Fit | None) -> FoldCosts:
         """Return how well folds of the searched stretches are predicted with a candidate and without."""
@@ -447,7 +460,7 @@ class Search:
         """Return the folds of the searched stretches, of what a fit leaves."""
         key = _key(fit)
         if key not in self.folded:
-            parts = _searched(self.parts(fit))
+            parts = self.searched(fit)
             if fit is None:
                 fraction = self.weights.effective_sample_fraction
                 self.folded[key] = Folds.of(parts, self.prior, fraction)
@@ -470,7 +483,7 @@ class Search:
 
     def new_columns(self, more: Callable[[Stage], Floats], fit: Fit | None = None) -> list[NewColumns]:
         """Return the products of new columns in the searched stretches, of what a fit leaves."""
-        return self.evidence.with_columns(self.weights, more, _searched(self.parts(fit)), self.residuals(fit))
+        return self.evidence.with_columns(self.weights, more, self.searched(fit), self.residuals(fit))
 
     def nominal_columns(self, more: Callable[[Stage], Floats]) -> list[NewColumns]:
         """Return the products of new columns in the nominal recordings."""
@@ -619,7 +632,3 @@ def _key(fit: Fit | None) -> tuple[object, ...]:
         fit.exact,
         *((h.name, str(h.place), *t) for h, t in zip(fit.hypotheses, fit.thetas, strict=True)),
     )
-
-
-def _searched(parts: Sequence[NormalEquations]) -> list[NormalEquations]:
-    return [part for part in parts if not part.heldout]

@@ -17,9 +17,7 @@ import numpy as np
 
 from softarm.estimator.diagnosis.candidates import MOST_SURPRISE
 from softarm.estimator.diagnosis.choose import Search
-from softarm.estimator.diagnosis.gaussian import Marginal
 from softarm.estimator.diagnosis.judge import FALSE_ALARM, MATERIAL, least_explainable
-from softarm.estimator.diagnosis.normal_equations import total
 from softarm.estimator.diagnosis.result import DetectionLimit
 from softarm.estimator.diagnosis.screen import INVISIBLE, null_scores
 from softarm.estimator.diagnosis.sizes import DECIDES
@@ -38,8 +36,7 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
         Those that have a limit within the bounds of their parameter.
     """
     evidence, library = search.evidence, search.evidence.library
-    data = total([part for part in search.parts(None) if not part.heldout], evidence.size)
-    marginal = Marginal.of(search.prior, data, search.weights.effective_sample_fraction)
+    marginal = search.marginal(None)
     # A generator of its own: the limits must not change what is drawn after them.
     null = null_scores(evidence, marginal, np.random.default_rng(0))
     chance = float(np.quantile(null, 1.0 - FALSE_ALARM))

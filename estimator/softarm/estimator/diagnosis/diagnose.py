@@ -61,6 +61,7 @@ from softarm.estimator.diagnosis.touches import find_touches, without_touches
 from softarm.estimator.diagnosis.traces import traces_of
 from softarm.estimator.diagnosis.unnamed import LIKELIER, UnnamedLaw, unnamed_law, unnamed_probability
 from softarm.estimator.diagnosis.vibration import fit_vibration, with_vibration
+from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.diagnosis.words import plain, possible
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.placed import PlacedEffect
@@ -239,7 +240,6 @@ def begin(
     *,
     fast: bool,
     advance: Callable[[float], None] = lambda _: None,
-    found: frozenset[EffectName] | None = None,
 ) -> Search:
     """Learn the noise and what nominal recordings teach, and prepare the search.
 
@@ -248,10 +248,22 @@ def begin(
         seed: Of everything random.
         fast: Whether the model may be solved for every effect.
         advance: Called after each step of the search.
-        found: What an earlier search has found; only this is looked for among what is suspected.
     """
     weights = evidence.weigh()
-    suspected = suspects(evidence, weights) if found is None else found
+    suspected = suspects(evidence, weights)
+    return _looking_for(evidence, weights, suspected, seed, fast=fast, advance=advance)
+
+
+def _looking_for(
+    evidence: RegressionProblem,
+    weights: Weights,
+    suspected: frozenset[EffectName],
+    seed: int,
+    *,
+    fast: bool,
+    advance: Callable[[float], None],
+) -> Search:
+    """Prepare the search with a noise model, for some suspected effects; see ``begin``."""
     prior, width = prior_before(evidence, weights, suspected)
     return Search(
         with_poses(passive(evidence, prior), weights, prior),
@@ -360,8 +372,9 @@ def settled(
     """
     search = begin(evidence, seed, fast=fast, advance=advance)
     decision = decide(search)
-    while not search.suspected <= (found := decision.names):
-        search = begin(evidence, seed, fast=fast, advance=advance, found=search.suspected & found)
+    while not search.suspected <= decision.names:
+        suspected = search.suspected & decision.names
+        search = _looking_for(evidence, search.weights, suspected, seed, fast=fast, advance=advance)
         decision = decide(search)
     return search, decision
 
@@ -536,9 +549,8 @@ def _not_testable(search: Search, findings: Sequence[Finding]) -> tuple[NotTesta
     suspects = [stage.session for stage in search.evidence.stages if not stage.session.nominal]
     limits = _common_world(search.evidence.stages).world.pressure_limits
     there = excitation(suspects, limits)
-    parts = [part for part in search.parts(None) if not part.heldout]
     gains: dict[EffectName, float] = {effect.name: 0.0 for effect in EFFECTS.values()}
-    data = total(parts, search.evidence.size)
+    data = total(search.searched(None), search.evidence.size)
     for column, direction in enumerate(search.evidence.library.directions):
         name = search.evidence.library.hypotheses[direction.hypothesis].name
         number = search.evidence.nuisances + column

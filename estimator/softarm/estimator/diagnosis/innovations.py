@@ -47,7 +47,7 @@ def residuals_out_of_fold(search: Search, fit: Fit | None) -> list[Floats]:
         Of each session, shape (samples, rows); of other stretches with the coefficients of all searched ones.
     """
     residuals = residuals_of(search, fit, learnt_coefficients(search, fit))
-    parts, folds = [part for part in search.parts(fit) if not part.heldout], search.folds(fit)
+    parts, folds = search.searched(fit), search.folds(fit)
     for numbers, rest in zip(folds.numbers, folds.rest, strict=True):
         for part in (parts[k] for k in numbers):
             stage = search.evidence.stages[part.session]

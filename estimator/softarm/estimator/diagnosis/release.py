@@ -63,17 +63,17 @@ def find_release(session: Session, natural_frequency: float | None) -> Release |
     first = int(np.argmax(moved))
     if whole <= 0.0 or time[first] < STARTUP + LEAST_HOLD:
         return None
+    released = float(session.time[first])
     settled = np.asarray(time >= time[first] + RINGS / natural_frequency)
     if settled.sum() < LEAST_SAMPLES:
+        left = float(time[-1] - time[first])
         least = RINGS / natural_frequency + LEAST_SAMPLES * session.step
-        begin, end = float(session.time[first]), float(session.time[-1])
         raise InputError(
             session.name,
-            f"the arm was let go at {begin:.2f} s, and the recording ends {end - begin:.2f} s later, before "
+            f"the arm was let go at {released:.2f} s, and the recording ends {left:.2f} s later, before "
             f"its vibration of {natural_frequency:.1f} Hz has decayed",
             f"record at least {least:.1f} s after the release",
         )
-    released = float(session.time[first])
     return Release(replace(session.thin(settled), natural_frequency=natural_frequency), released)
 
 

@@ -1,6 +1,7 @@
 """One recording of a diagnosis: what acted, what was read, how well, in samples of even length."""
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -82,7 +83,7 @@ class Session:
         """How long it lasts [s]."""
         return float(self.clock[-1] - self.clock[0])
 
-    @property
+    @cached_property
     def step(self) -> float:
         """Time between samples [s].
 

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.special import fdtri
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.admit import Admitted, motion_columns
+from softarm.estimator.calibration.significance import scatter_limit
+from softarm.estimator.diagnosis.admit import PRESSURES_MOVE, Admitted, motion_columns
 from softarm.estimator.diagnosis.result import (
     Baseline,
     Diagnosis,
@@ -26,8 +26,6 @@ from softarm.estimator.specimen.physics import Place
 
 LEFT_OVER = 5.0
 """Root mean square over the noise from which something beyond the law is left, such as overshoot."""
-LEAST_RATIO = 1.3
-"""Error over the same in nominal recordings, up to which nothing is new; that of ``calibrate --check``."""
 NEEDED = (
     "while one is open, more than 50 readings of its set-point and pressure together are needed, some of "
     "them in the second half"
@@ -94,9 +92,9 @@ def left_over(suspects: Sequence[Split], nominal: Sequence[Split]) -> dict[int, 
             continue
         ours, allowed = _mean_square(splits), (LEFT_OVER * max(split.floor for split in splits)) ** 2
         if references:
-            degrees = [max(_unseen(group) / SETTLED, 1.0) for group in (splits, references)]
-            quantile = float(fdtri(*degrees, 1.0 - (1.0 - NAMED) / len(chambers)))
-            allowed = max(allowed, max(LEAST_RATIO**2, quantile) * _usual(splits, references))
+            ours_freedom, usual_freedom = (_unseen(group) / SETTLED for group in (splits, references))
+            ratio = scatter_limit(ours_freedom, usual_freedom, (1.0 - NAMED) / len(chambers))
+            allowed = max(allowed, ratio**2 * _usual(splits, references))
         if ours > allowed:
             left[chamber] = ours
     return left
@@ -191,7 +189,7 @@ def valve_diagnosis(
         raise InputError(
             names,
             f"no valve can be judged: {NEEDED}{seen and f' ({seen})'}",
-            "record at least 20 s in which pressures rise above 10 kPa and come down again",
+            f"record {PRESSURES_MOVE}",
         )
     known = {split.valve.chamber for split in nominal}
     if nominal and not faults and not known & {split.valve.chamber for split in splits}:

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.hypotheses import Explanation, choose
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import BEND_SUFFIXES, Recording
@@ -115,12 +116,23 @@ def _swings(recording: Recording, specimen: Specimen) -> dict[str, float]:
         seen = read & np.isfinite(bend).all(axis=1)
         if seen.sum() < 20:
             continue
-        p, y = pressures[seen][:, driven] / spans[driven], bend[seen]
-        p, y = p - p.mean(axis=0), y - y.mean(axis=0)
-        slopes, *_ = np.linalg.lstsq(p, y, rcond=ALIKE)
-        if float(((y - p @ slopes) ** 2).sum()) < SEEN * float((y**2).sum()):
+        slopes = slopes_by_pressure(pressures[seen][:, driven] / spans[driven], bend[seen])
+        if slopes is not None and slopes.any():
             swings[section] = float(np.linalg.norm(slopes, axis=1).max())
     return swings
+
+
+def slopes_by_pressure(pressures: Floats, bends: Floats) -> Floats | None:
+    """Regress bends on pressures, shape (chambers, columns); ``None`` where pressures leave too much of them.
+
+    Args:
+        pressures: Of the driven chambers, shape (samples, chambers).
+        bends: Shape (samples, columns).
+    """
+    p, y = pressures - pressures.mean(axis=0), bends - bends.mean(axis=0)
+    slopes, *_ = np.linalg.lstsq(p, y, rcond=ALIKE)
+    shown = float(((y - p @ slopes) ** 2).sum()) <= SEEN * float((y**2).sum())
+    return slopes if shown else None
 
 
 def _tops(recording: Recording, sections: Sequence[str]) -> str:

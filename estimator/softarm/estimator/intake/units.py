@@ -16,14 +16,13 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.intake.bend_units import (
-    ALIKE,
     ANGLES,
     DRIVEN,
-    SEEN,
     angle_columns,
     around_themselves,
     in_radians,
     mixed_bends,
+    slopes_by_pressure,
 )
 from softarm.estimator.intake.clocks import mend_clocks
 from softarm.estimator.intake.hypotheses import Explanation, choose
@@ -385,10 +384,8 @@ def _bend_per_pressure(recording: Recording, specimen: Specimen) -> float | None
     seen = read.all(axis=1) & np.isfinite(bends).all(axis=1)
     if not moved.any() or seen.sum() < 20:
         return None
-    p, y = pressures[seen][:, moved], bends[seen]
-    p, y = p - p.mean(axis=0), y - y.mean(axis=0)
-    slopes, *_ = np.linalg.lstsq(p, y, rcond=ALIKE)
-    if float(((y - p @ slopes) ** 2).sum()) > SEEN * float((y**2).sum()):
+    slopes = slopes_by_pressure(pressures[seen][:, moved], bends[seen])
+    if slopes is None:
         return None
     sizes = np.linalg.norm(slopes.reshape(len(slopes), -1, 2 if recording.bends else 3), axis=2).max(axis=1)
     return float(np.median(sizes))

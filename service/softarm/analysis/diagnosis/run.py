@@ -207,7 +207,7 @@ def with_axes(
     """Calibrate a specimen whose bends' axes nobody knows; every fourth stretch of time stays unseen.
 
     Raises:
-        InputError: With no axes does the model predict the motion better than its mean does.
+        InputError: However the axes lie, the model predicts the motion no better than its mean does.
     """
     chosen = admitted.nominal or tuple(
         recording.window(np.asarray(blocks_of(recording.time) % 4 != 2)) for recording in admitted.suspects
@@ -353,8 +353,8 @@ def _step(session: Session, frequency: float | None) -> float:
 def ring_frequency(session: Session) -> float | None:
     """Find the frequency of a vibration of a soft arm [Hz]; ``None`` where there is none.
 
-    Half of the power of the speed must lie between these and below the Nyquist frequency. The recording must
-    resolve the band: it lasts for two periods of its lowest frequency and more.
+    At least half of the power of the speed lies between ``SLOWEST`` and ``FASTEST``, as far as the rate
+    resolves them, and the recording lasts for at least two periods of the slowest.
     """
     readings = session.readings[:, np.isfinite(session.readings).any(axis=0)]
     count = len(readings)

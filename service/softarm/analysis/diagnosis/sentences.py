@@ -1,6 +1,7 @@
 """A diagnosis in sentences: each states only what the numbers in it show. Page and terminal share them."""
 
 from collections.abc import Iterable, Mapping
+from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +17,7 @@ from softarm.estimator.diagnosis.result import (
 from softarm.estimator.diagnosis.words import dependence, plain
 from softarm.estimator.effects.amounts import readable
 from softarm.estimator.effects.effect import describe
+from softarm.estimator.specimen.physics import EffectName, Place
 
 NEAR_NOISE = 1.5
 """Multiple of the noise up to which an error counts as down to the noise."""
@@ -60,9 +62,23 @@ def quantity(one: Quantity) -> str:
     return f"{factor * one.value:.4g}{deviation} {name}".strip()
 
 
-def place(finding: Finding) -> str:
-    """Name a finding and its place."""
-    return f"{plain(finding.effect)}, {describe(finding.where)}"
+class Located(Protocol):
+    """An effect at a place: a finding or a rival, of a diagnosis or of its report."""
+
+    @property
+    def effect(self) -> EffectName:
+        """Its name."""
+        ...
+
+    @property
+    def where(self) -> Place:
+        """Where it acts."""
+        ...
+
+
+def place(one: Located) -> str:
+    """Name an effect and its place."""
+    return f"{plain(one.effect)}, {describe(one.where)}"
 
 
 def strength(log_bayes_factor: float) -> str:
@@ -337,7 +353,7 @@ def rivals(finding: Finding) -> str:
     """Write what the data cannot distinguish from a finding, with its own probability."""
     if not finding.confusable_with:
         return ""
-    others = " or ".join(f"{plain(one.effect)}, {describe(one.where)}" for one in finding.confusable_with)
+    others = " or ".join(map(place, finding.confusable_with))
     if finding.effect == "unknown":
         return f"; perhaps {others}"
     if finding.probability is None or is_valve(
