@@ -53,12 +53,17 @@ def test_an_error_is_measured_by_what_the_intake_would_have_reported() -> None:
     clock = np.arange(40.0)
     errors = np.full((40, 2), np.nan)
     errors[10:20] = 0.9 * np.array([LEAST["m"], LEAST["rad"]])
-    model_errors = EventErrors("run", clock, errors, np.zeros(2), ("m", "rad"))
+    still = np.zeros_like(errors)
+    model_errors = EventErrors("run", clock, errors, still, np.zeros(2), ("m", "rad"))
     assert model_errors.explained((10.0, 19.0)) == pytest.approx(
         {"m": 0.9 * LEAST["m"], "rad": 0.9 * LEAST["rad"]}
     )
     larger = replace(model_errors, errors=1.2 * errors)
     assert larger.explained((10.0, 19.0)) is None
+    swinging = replace(larger, vibrations=still + 0.3 * np.array([LEAST["m"], LEAST["rad"]]))
+    assert swinging.explained((10.0, 19.0)) == pytest.approx(
+        {"m": 1.08 * LEAST["m"], "rad": 1.08 * LEAST["rad"]}
+    )
     assert replace(larger, ranges=np.array([1.0, 1.0])).explained((10.0, 19.0)) is not None
     stuck = errors.copy()
     stuck[10:14, 1], stuck[14:, 1] = 1.0, np.nan

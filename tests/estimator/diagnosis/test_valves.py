@@ -229,6 +229,7 @@ def test_a_valve_that_passes_less_than_nominal_may_have_a_dead_band() -> None:
     (finding,) = valve_findings(splits_of([low]), known)
     assert (finding.effect, finding.when) == ("pressure_bias", "pressure level")
     assert [rival.effect for rival in finding.confusable_with] == ["valve_deadband"]
+    assert finding.probability == pytest.approx(0.5, abs=0.005)
 
 
 PLAIN, BIASED = (0.0, 0.0, 0.0, np.inf), (900.0, 0.0, 0.0, np.inf)

@@ -97,14 +97,18 @@ def test_a_finding_that_removes_nothing_says_so():
     own = replace(finding.evidence, heldout_before=1.0, heldout_after=2.0)
     line = sentences.finding_line(1, replace(finding, evidence=own), one)
     assert "removes nothing of the mismatch" in line
+    elsewhere = replace(finding.evidence, heldout_before=2.0, heldout_after=2.0)
+    line = sentences.finding_line(1, replace(finding, evidence=elsewhere), one)
+    assert "removes nothing there, since it does not act in the unseen data" in line
 
 
-def test_the_probability_of_a_valve_is_that_of_its_error():
+def test_the_probability_of_a_valve_is_that_of_its_error_and_law():
     finding = explained().findings[0]
     valve = replace(finding.evidence, channels={"pressure_0": ChannelError("Pa", 900.0, 300.0)})
-    named = replace(finding, evidence=valve, probability=1.0)
-    assert "distinguish it from hysteresis" in sentences.rivals(named)
-    assert "that the valve errs in this direction is 100 %" in sentences.evidence_sentence(named)
+    named = replace(finding, evidence=valve, probability=0.5)
+    assert "distinguish it (probability 50 %) from hysteresis" in sentences.rivals(named)
+    words = sentences.evidence_sentence(named)
+    assert "that the valve errs in this direction and by this law is 50 %" in words
 
 
 def test_a_verdict_with_nominal_recordings_compares_with_them():

@@ -20,6 +20,8 @@ from softarm.estimator.series import inside
 
 LEAST_SEEN = 0.5
 """Share of an event's samples from which a row speaks of it."""
+TWO_SIDED = 1.96
+"""Standard deviations within which 95 % of the errors that vibrations add lie."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +32,7 @@ class EventErrors:
         recording: Name of the recording.
         clock: Time of the session's clock [s], shape (samples,).
         errors: Measured minus predicted, NaN outside of events, shape (samples, rows).
+        vibrations: What vibrations after fast changes of pressure may add to them, shape (samples, rows).
         ranges: Range of each row, events included, shape (rows,).
         units: Unit of each row.
     """
@@ -37,26 +40,30 @@ class EventErrors:
     recording: str
     clock: Floats
     errors: Floats
+    vibrations: Floats
     ranges: Floats
     units: tuple[str, ...]
 
     def explained(self, interval: tuple[float, float]) -> dict[str, float] | None:
         """Return the largest error of a model that predicts an event, in each unit; ``None`` if it does not.
 
-        It does if every error is below what the intake would have reported. A row of which less than half was
-        read, as of a sensor that is stuck, says nothing.
+        It does if every error, less what vibrations may add to it, is below what the intake would have
+        reported. A row of which less than half was read, as of a sensor that is stuck, says nothing.
 
         Args:
             interval: From when to when, by the session's clock [s].
         """
-        errors = np.abs(self.errors[inside(self.clock, [interval])])
+        during = inside(self.clock, [interval])
+        errors = np.abs(self.errors[during])
         seen = np.isfinite(errors).sum(axis=0) >= max(LEAST_SEEN * len(errors), 1)
         if not seen.any():
             return None
-        sizes = np.nanpercentile(errors[:, seen], LARGE, axis=0)
-        units = np.array(self.units)[seen]
-        if (sizes > least_sizes(units.tolist(), self.ranges[seen])).any():
+        errors, units = errors[:, seen], np.array(self.units)[seen]
+        beyond = np.maximum(errors - self.vibrations[during][:, seen], 0.0)
+        least = least_sizes(units.tolist(), self.ranges[seen])
+        if (np.nanpercentile(beyond, LARGE, axis=0) > least).any():
             return None
+        sizes = np.nanpercentile(errors, LARGE, axis=0)
         return {str(unit): float(sizes[units == unit].max()) for unit in np.unique(units)}
 
 
@@ -75,8 +82,12 @@ def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
             continue
         change = 0.0 if fit is None else search.change(stage, fit)
         errors = stage.innovation(readings) - change - columns @ learnt
-        name, clock, units = stage.session.name, stage.session.clock, tuple(stage.suite.units)
-        found.append(EventErrors(name, clock, errors, _ranges(stage), units))
+        session, vibrations = stage.session, TWO_SIDED * stage.model_error_std
+        found.append(
+            EventErrors(
+                session.name, session.clock, errors, vibrations, _ranges(stage), tuple(stage.suite.units)
+            )
+        )
     return tuple(found)
 
 

@@ -272,17 +272,19 @@ def _steady(
     words += " while its valve is open." if opened else ", open or vented."
     if offset and opened:
         words += f" Vented, its sensor reads {1e-3 * offset:+.2f} kPa."
+    # Too low while open and right when vented is max(set-point - b, 0), the law of a dead band as well.
     deadband = Rival("valve_deadband", Place(chamber=chamber), "a staircase of small pressures", 0.0)
+    rivals = (deadband,) if opened < 0.0 else ()
     findings.append(
         _finding(
             "pressure_bias",
             chamber,
             words,
             {"bias": Quantity(size, spread, "Pa")},
-            max(surely(offset), surely(opened)),
+            max(surely(offset), surely(opened)) / (1 + len(rivals)),
             evidence,
             "pressure level" if opened else "constant",
-            (deadband,) if opened < 0.0 else (),
+            rivals,
         )
     )
     return findings

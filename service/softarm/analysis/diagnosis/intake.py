@@ -14,6 +14,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
 from softarm.estimator.intake.result import NO_MISMATCH
 from softarm.estimator.intake.still import WINDOW
+from softarm.estimator.intake.unsteady import LEAST
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
@@ -180,7 +181,9 @@ def _cause(
     if left is None:
         return ""
     within = " and ".join(f"{Amount(size, unit)}" for unit, size in left.items())
-    return f"The model with all findings predicts it to within {within}, so it is no event."
+    beyond = any(size > LEAST[unit] for unit, size in left.items())
+    vibrates = ", no more than it may get a vibration after fast changes of pressure wrong" if beyond else ""
+    return f"The model with all findings predicts it to within {within}{vibrates}, so it is no event."
 
 
 def event_finding(event: Disturbance) -> Finding:

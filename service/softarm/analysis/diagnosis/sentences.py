@@ -262,7 +262,7 @@ def evidence_sentence(finding: Finding) -> str:
     if finding.probability is not None:
         what = "no known effect explains it" if finding.effect == "unknown" else "it acts there"
         if is_valve(finding):
-            what = "the valve errs in this direction"
+            what = "the valve errs in this direction and by this law"
         words += f" The probability that {what} is {100.0 * finding.probability:.0f} %."
     return words
 
@@ -344,6 +344,8 @@ def removed(finding: Finding, diagnosis: Diagnosis) -> str:
     """Write the share of the mismatch that a finding removes, and of which mismatch."""
     which = " between set-point and pressure" if is_valve(finding) else ""
     percent = 100.0 * share(finding, diagnosis)
+    if finding.evidence.heldout_before == finding.evidence.heldout_after:
+        return "nothing there, since it does not act in the unseen data"
     if percent <= 0.0:
         return f"nothing of the mismatch{which}"
     return f"{'less than 1' if percent < 1.0 else f'{percent:.0f}'} % of the mismatch{which}"
@@ -356,9 +358,7 @@ def rivals(finding: Finding) -> str:
     others = " or ".join(map(place, finding.confusable_with))
     if finding.effect == "unknown":
         return f"; perhaps {others}"
-    if finding.probability is None or is_valve(
-        finding
-    ):  # that of a valve is of its error and not of its name
+    if finding.probability is None:
         return f"; these data cannot distinguish it from {others}"
     return (
         f"; these data cannot distinguish it (probability {100.0 * finding.probability:.0f} %) from {others}"
