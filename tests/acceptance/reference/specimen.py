@@ -80,8 +80,9 @@ tip; heights are measured along this axis. Pressures are gauge pressures. Quater
 describe the rotation from a section's axes to those of the base frame.
 
 When the file is loaded, softarm reports all errors together: unknown keys, missing keys, values outside
-their limits and parts that do not fit together, each with its field, its value and what to do. Calibration
-and diagnosis write their results into the same file, and the live estimator uses them.
+their limits or apparently in another unit, and parts that do not fit together, each with its field, its value
+and what to do. Calibration and diagnosis write their results into the same file, and the live estimator uses
+them.
 
 This page is generated from the classes that read the file by `softarm bench reference`.
 """

@@ -114,7 +114,7 @@ def test_cylinder_volumes_match_the_plane_figures(count: int) -> None:
 
 def test_a_cylinder_with_too_few_chambers_or_no_room_for_them_is_refused() -> None:
     table = specimen_table(cylinder_specimen(3), Path())
-    with pytest.raises(InputError, match="1 chambers where this cylinder has 2"):
+    with pytest.raises(InputError, match="1 chamber where this cylinder has 2"):
         parse_specimen(tomli_w.dumps(table | {"chambers": table["chambers"][:1]}).encode(), "cylinder")
     table["geometry"]["core_radius_m"] = 0.017
     with pytest.raises(InputError, match=r"core radius 0\.017 m is not between"):

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from softarm.estimator.errors import InputError
+from softarm.estimator.geometry import build_mesh
 from softarm.estimator.specimen import (
     SHIPPED,
     Calibration,
@@ -122,6 +123,15 @@ def test_missing_folders_are_made(tmp_path: Path) -> None:
         (("azimuth_rad = 0.0", "azimuth_rad = 0.3"), "arm.toml: chambers", "120 degrees", "evenly"),
         (("shore_30a", "shore_20a"), "arm.toml: sections[0].material", "shore_30a", "did you mean"),
         (("lobe_radii_m = [0.0175, ", "lobe_radii_m = ["), "arm.toml: geometry", "5 lobe radii for 6", "one"),
+        (("9.81]", "9810.0]"), "arm.toml: gravity_m_s2", "9810", "m/s2"),
+        (("= 65000.0", "= 65.0"), "arm.toml: chambers[0].pressure_limit_pa", "65 is too little", "pascals"),
+        (
+            ("density_kg_m3 = 1070.0", "density_kg_m3 = 1.07"),
+            "arm.toml: materials.shore_10a.density_kg_m3",
+            "1.07",
+            "kg/m3",
+        ),
+        (("mass_kg = 0.160", "mass_kg = 160.0"), "arm.toml: segments[0].mass_kg", "160", "kilograms"),
     ],
 )
 def test_one_mistake_names_field_value_and_cure(
@@ -139,6 +149,21 @@ def test_one_mistake_names_field_value_and_cure(
     assert error.where == where
     assert what in error.what
     assert cure in error.cure
+
+
+def test_azimuths_may_be_rounded_as_a_file_rounds_them() -> None:
+    text = TEXT.replace("azimuth_rad = 2.0943951023932", "azimuth_rad = 2.0944")
+    assert text.count("2.0944") == 2
+    build_mesh(parse_specimen(text.encode(), "arm.toml"))
+    error = error_of(("azimuth_rad = 2.0943951023932", "azimuth_rad = 2.09"))
+    assert "120 degrees apart" in error.what
+
+
+def test_a_short_vector_is_one_error_and_not_its_consequences_too() -> None:
+    error = error_of(("frame_origin_m = [0.0, 0.0, 0.0]", "frame_origin_m = [0.0, 0.0]"))
+    assert error.where == "arm.toml: sections[0].frame_origin_m[2]"
+    longer = error_of(("frame_origin_m = [0.0, 0.0, 0.0]", "frame_origin_m = [0.0, 0.0, 0.0, 1.0]"))
+    assert longer.what == "holds 4 where it takes at most 3"
 
 
 def test_all_errors_are_reported_together() -> None:

@@ -15,6 +15,7 @@ from softarm.estimator.geometry.resolution import DEFAULTS, Resolution
 from softarm.estimator.geometry.sweep import sweep
 from softarm.estimator.mesh import Mesh
 from softarm.estimator.specimen import Block, Cylinder, MeshFile, QuadrantCylinder, Specimen, SweptLobes
+from softarm.estimator.specimen.body import AZIMUTH_TOLERANCE_RAD
 
 
 def build_mesh(specimen: Specimen, resolution: Resolution | None = None) -> Mesh:
@@ -68,8 +69,9 @@ def _lobes(specimen: Specimen, count: int) -> tuple[float, list[tuple[int, ...]]
     start = specimen.chambers[0].azimuth_rad
     lobes: list[list[int]] = [[] for _ in range(count)]
     for chamber in specimen.chambers:
-        fractions = (chamber.azimuth_rad - start) / (2.0 * np.pi / count)
-        if abs(fractions - round(fractions)) > 1e-6:
+        spacing = 2.0 * np.pi / count
+        fractions = (chamber.azimuth_rad - start) / spacing
+        if abs(fractions - round(fractions)) * spacing > AZIMUTH_TOLERANCE_RAD:
             raise InputError(
                 f"{specimen.name}: chambers[{chamber.index}].azimuth_rad",
                 f"{chamber.azimuth_rad} rad is not in line with a chamber of the first segment",

@@ -17,6 +17,9 @@ from softarm.estimator.specimen.entry import (
 
 Index = Annotated[int, Field(ge=0)]
 
+AZIMUTH_TOLERANCE_RAD = 1e-3
+"""How far chambers may be off even spacing: more than a file is rounded, less than an arm is cast."""
+
 
 class Segment(Entry):
     """A soft length of the arm."""
@@ -60,7 +63,8 @@ class Chamber(Entry):
     segment: Name
     """Segment that it lies in."""
     azimuth_rad: Angle
-    """Direction of its centre about z, from the base frame's x axis towards y."""
+    """Direction of its centre about z, from the base frame's x axis towards y; except in a mesh file, the
+    chambers of a segment are evenly spaced (to 0.001 rad) and lie at the same azimuths in every segment."""
     from_m: Finite
     """Height of its closed upper end."""
     to_m: Finite

@@ -9,12 +9,20 @@ from typing import TYPE_CHECKING
 from pydantic_core import PydanticCustomError
 
 from softarm.estimator.errors import suggest
-from softarm.estimator.specimen.body import Chamber, Section, Segment
+from softarm.estimator.specimen.body import AZIMUTH_TOLERANCE_RAD, Chamber, Section, Segment
 
 if TYPE_CHECKING:
     from softarm.estimator.specimen.specimen import Specimen
 
 HEIGHT_TOLERANCE_M = 1e-9
+GRAVITY_MOST_M_S2 = 30.0
+HEIGHT_MOST_M = 10.0
+WIDTH_MOST_M = 2.0
+MASS_MOST_KG = 50.0
+MODULUS_LEAST_PA = 1e3
+DENSITY_LEAST_KG_M3 = 10.0
+PRESSURE_LEAST_PA = 100.0
+"""Bounds that no soft arm reaches, unless its values are in mm/s2, millimetres, grams, kPa or g/cm3."""
 
 
 @dataclass(frozen=True)
@@ -44,6 +52,7 @@ def find_inconsistencies(specimen: "Specimen") -> Iterator[Inconsistency]:
     parts = [segment.name for segment in specimen.segments] + [section.name for section in specimen.sections]
     yield from _duplicates("segments and sections", parts)
     yield from _duplicates("markers", [marker.name for marker in specimen.markers])
+    yield from _magnitudes(specimen)
     yield from _heights(specimen)
     yield from _stack(specimen)
     yield from _materials(specimen)
@@ -56,6 +65,53 @@ def find_inconsistencies(specimen: "Specimen") -> Iterator[Inconsistency]:
 def _duplicates(where: str, names: Sequence[str]) -> Iterator[Inconsistency]:
     for name in dict.fromkeys(name for name in names if names.count(name) > 1):
         yield Inconsistency(where, f"'{name}' occurs {names.count(name)} times", "give each its own name")
+
+
+def _magnitudes(specimen: "Specimen") -> Iterator[Inconsistency]:
+    """Find values that were probably given in another unit than that of their key."""
+    gravity = math.hypot(*specimen.gravity_m_s2)
+    if gravity > GRAVITY_MOST_M_S2:
+        yield _wrong_unit("gravity_m_s2", f"its magnitude is {gravity:g}", "m/s2")
+    for path, width in _widths(specimen):
+        if width > WIDTH_MOST_M:
+            yield _wrong_unit(path, f"{width:g} is too large for an arm", "metres")
+    for part in specimen.named_parts:
+        path = _path(specimen, part.name)
+        if abs(part.to_m) > HEIGHT_MOST_M:
+            yield _wrong_unit(f"{path}.to_m", f"{part.to_m:g} is too long for an arm", "metres")
+        if (part.mass_kg or 0.0) > MASS_MOST_KG:
+            yield _wrong_unit(f"{path}.mass_kg", f"{part.mass_kg:g} is too heavy for an arm", "kilograms")
+    for i, chamber in enumerate(specimen.chambers):
+        if chamber.pressure_limit_pa < PRESSURE_LEAST_PA:
+            what = f"{chamber.pressure_limit_pa:g} is too little to move an arm"
+            yield _wrong_unit(f"chambers[{i}].pressure_limit_pa", what, "pascals")
+    yield from _material_magnitudes(specimen)
+
+
+def _material_magnitudes(specimen: "Specimen") -> Iterator[Inconsistency]:
+    for name, material in specimen.materials.items():
+        if material.young < MODULUS_LEAST_PA:
+            key = "young_modulus_pa" if material.law == "corotational" else "shear_modulus_pa"
+            what = f"a Young's modulus of {material.young:g} is too soft for a solid"
+            yield _wrong_unit(f"materials.{name}.{key}", what, "pascals")
+        if material.density_kg_m3 < DENSITY_LEAST_KG_M3:
+            what = f"{material.density_kg_m3:g} is too light for a solid"
+            yield _wrong_unit(f"materials.{name}.density_kg_m3", what, "kg/m3")
+
+
+def _widths(specimen: "Specimen") -> Iterator[tuple[str, float]]:
+    """Yield the lengths across the arm [m], each with its field."""
+    for key, value in specimen.geometry:
+        if key.endswith(("radius_m", "wall_m", "core_m", "floor_m", "width_x_m", "width_y_m")):
+            yield f"geometry.{key}", value
+        elif key == "lobe_radii_m":
+            yield f"geometry.{key}", max(value)
+    for i, marker in enumerate(specimen.markers):
+        yield f"markers[{i}].offset_m", math.hypot(*marker.offset_m)
+
+
+def _wrong_unit(path: str, what: str, unit: str) -> Inconsistency:
+    return Inconsistency(path, what, f"give it in {unit}")
 
 
 def _heights(specimen: "Specimen") -> Iterator[Inconsistency]:
@@ -178,25 +234,27 @@ def _geometry(specimen: "Specimen") -> Iterator[Inconsistency]:
         "block": 0,
     }[geometry.kind]
     for index, segment in enumerate(specimen.segments):
-        azimuths = sorted(
-            chamber.azimuth_rad % math.tau for chamber in specimen.chambers if chamber.segment == segment.name
-        )
+        azimuths = [chamber.azimuth_rad for chamber in specimen.chambers if chamber.segment == segment.name]
         if len(azimuths) != wanted:
             yield Inconsistency(
                 f"segments[{index}]",
-                f"{len(azimuths)} chambers where this {geometry.kind} has {wanted}",
+                f"{len(azimuths)} chamber{'s'[: len(azimuths) != 1]} where this {geometry.kind} has {wanted}",
                 "correct [[chambers]]",
             )
-        elif any(
-            abs(b - a - math.tau / wanted) > 1e-6
-            # Around the whole circle, so that the first follows the last.
-            for a, b in pairwise([*azimuths, azimuths[0] + math.tau] if azimuths else [])
-        ):
+        elif azimuths and not _even(azimuths):
             yield Inconsistency(
                 "chambers",
                 f"the azimuths in segment '{segment.name}' are not {360 / wanted:g} degrees apart",
                 "space them evenly",
             )
+
+
+def _even(azimuths: Sequence[float]) -> bool:
+    """Return whether azimuths [rad], in any order, divide a whole turn evenly."""
+    spacing = math.tau / len(azimuths)
+    places = [(azimuth - azimuths[0]) / spacing for azimuth in azimuths]
+    close = all(abs(place - round(place)) * spacing <= AZIMUTH_TOLERANCE_RAD for place in places)
+    return close and len({round(place) % len(places) for place in places}) == len(places)
 
 
 def _references(specimen: "Specimen") -> Iterator[Inconsistency]:

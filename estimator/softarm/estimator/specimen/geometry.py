@@ -43,7 +43,8 @@ class SweptLobes(Entry):
             raise _misfit("station heights do not rise", "sort the stations from base to tip")
         least = 2.0 * self.wall_m + self.floor_m
         if min(self.lobe_radii_m) <= least:
-            what = f"lobe radius {min(self.lobe_radii_m)} m leaves no room for a chamber (at least {least} m)"
+            smallest = f"lobe radius {min(self.lobe_radii_m):g} m"
+            what = f"{smallest} leaves no room for a chamber (at least {least:g} m)"
             raise _misfit(what, "give thinner walls or wider lobes")
         return self
 
@@ -68,8 +69,8 @@ class QuadrantCylinder(Entry):
     def _room(self) -> Self:
         inside = self.outer_radius_m - self.wall_m
         if not self.wall_m < self.core_m < inside:
-            between = f"the wall ({self.wall_m} m) and the inner radius ({inside} m)"
-            raise _misfit(f"core {self.core_m} m is not between {between}", ROOM)
+            between = f"{self.wall_m:g} m (the wall) and {inside:g} m (inner radius)"
+            raise _misfit(f"core {self.core_m:g} m is not between {between}", ROOM)
         return self
 
 

@@ -52,11 +52,25 @@ class SpecimenError(InputError):
 
 def describe_errors(file: str, error: ValidationError, model: type[BaseModel]) -> InputError:
     """Turn a validation error into one that names file, field, value, limit and cure."""
-    problems = tuple(problem for entry in error.errors() for problem in _problems(dict(entry), model))
+    entries = [dict(entry) for entry in error.errors()]
+    problems = tuple(
+        problem
+        for entry in entries
+        if not _follows_from_another(entry, entries)
+        for problem in _problems(entry, model)
+    )
     if len(problems) == 1:
         only = problems[0]
         return InputError(f"{file}: {only.field}" if only.field else file, only.what, only.cure)
     return SpecimenError(file, problems)
+
+
+def _follows_from_another(entry: dict[str, Any], entries: list[dict[str, Any]]) -> bool:
+    """Return whether a list counts as too short only because one of its members is wrong."""
+    place = entry["loc"]
+    return entry["type"] == "too_short" and any(
+        other["loc"][: len(place)] == place for other in entries if len(other["loc"]) > len(place)
+    )
 
 
 def _problems(entry: dict[str, Any], model: type[BaseModel]) -> Iterator[Inconsistency]:
@@ -70,13 +84,20 @@ def _problems(entry: dict[str, Any], model: type[BaseModel]) -> Iterator[Inconsi
         yield Inconsistency(path, "missing", f"add it: {_meaning(owner, str(entry['loc'][-1]))}")
     elif kind in LIMITS:
         key, words = LIMITS[kind]
-        yield Inconsistency(
-            path, f"{value!r} is not {words} {context[key]}", f"give a number {words} {context[key]}"
-        )
+        bound = f"{words} {context[key]:g}"
+        unit = " in radians" if path.endswith("_rad") else ""
+        yield Inconsistency(path, f"{value!r} is not {bound}", f"give a number{unit}, {bound}")
     elif kind in TYPES:
         yield Inconsistency(path, f"{value!r} is not {TYPES[kind]}", f"give {TYPES[kind]}")
     elif kind in ("literal_error", "union_tag_invalid"):
         yield from _choice(path, kind, context, value)
+    elif kind in ("too_short", "too_long"):
+        few = kind == "too_short"
+        bound = f"at least {context['min_length']}" if few else f"at most {context['max_length']}"
+        cure = "add what is missing" if few else "remove what is too much"
+        yield Inconsistency(path, f"holds {context['actual_length']} where it takes {bound}", cure)
+    elif kind == "misfit":
+        yield Inconsistency(path, context["what"], context["cure"])
     elif kind == "union_tag_not_found":
         yield Inconsistency(
             path, f"no {context['discriminator']}", f"add the key {context['discriminator']} first"
