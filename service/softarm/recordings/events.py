@@ -33,7 +33,7 @@ class RecordedEvent:
     text: str
 
 
-def load_events(path: Path) -> tuple[RecordedEvent, ...]:
+def load_events(path: str | Path) -> tuple[RecordedEvent, ...]:
     """Load the events of a recording in the order of their times; only MCAP holds any.
 
     Args:
@@ -42,7 +42,7 @@ def load_events(path: Path) -> tuple[RecordedEvent, ...]:
     Raises:
         InputError: There is no such recording.
     """
-    path = data_file(path)
+    path = data_file(Path(path))
     if not is_mcap(path) or not path.stat().st_size:
         return ()
     channels: set[int] = set()

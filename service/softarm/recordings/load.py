@@ -21,7 +21,9 @@ READ = (*WRITTEN, *QUALISYS)
 STEM = "recording"
 
 
-def load_recording(path: Path, column_map: Path | None = None, *, units_checked: bool = True) -> Recording:
+def load_recording(
+    path: str | Path, column_map: str | Path | None = None, *, units_checked: bool = True
+) -> Recording:
     """Load a recording.
 
     Args:
@@ -35,12 +37,12 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
     Raises:
         InputError: Names the file, the field and the cure.
     """
-    path = data_file(path)
+    path = data_file(Path(path))
     name = path.parent.name if path.stem == STEM and path.parent.name else path.stem
     suffix = path.suffix.lower()
     if is_mcap(path):
         return read_mcap(path, name.removesuffix(".mcap"), units_checked=units_checked)
-    info = read_info(column_map or sidecar(path))
+    info = read_info(Path(column_map) if column_map else sidecar(path))
     source = str(path)
     columns: dict[str, Floats]
     if suffix in TABLES:
@@ -55,14 +57,14 @@ def load_recording(path: Path, column_map: Path | None = None, *, units_checked:
     return checked_recording(name, source, columns, info, units_checked=units_checked)
 
 
-def output_file(path: Path, *, force: bool) -> Path:
+def output_file(path: str | Path, *, force: bool) -> Path:
     """Return the file that `save_recording` writes for a path, and refuse what it would refuse.
 
     Raises:
         InputError: The format is not one that is written, the path or the TOML of a table exists, or the
             folder cannot be written.
     """
-    path = _data_file_to_write(path)
+    path = _data_file_to_write(Path(path))
     require_free(path, force=force)
     if path.suffix in TABLES:
         require_free(sidecar(path), force=force)
@@ -78,7 +80,11 @@ def _data_file_to_write(path: Path) -> Path:
 
 
 def save_recording(
-    recording: Recording, path: Path, *, force: bool = False, attachments: Mapping[str, bytes] | None = None
+    recording: Recording,
+    path: str | Path,
+    *,
+    force: bool = False,
+    attachments: Mapping[str, bytes] | None = None,
 ) -> tuple[Path, ...]:
     """Save a recording whole: all of its files appear, or none.
 
@@ -95,7 +101,7 @@ def save_recording(
     Raises:
         InputError: The format is not one that is written, or one of the files exists.
     """
-    path = _data_file_to_write(path)
+    path = _data_file_to_write(Path(path))
     require_free(path, force=force)
     if path.suffix == ".mcap":
         with whole_files(path) as (draft,), draft.open("wb") as file:
@@ -124,9 +130,16 @@ def _holds(file: Path, data: bytes) -> bool:
         return False
 
 
-def read_attachments(path: Path) -> dict[str, bytes]:
-    """Read the files kept with a recording: inside MCAP, or the TOML files beside a table."""
-    path = data_file(path)
+def read_attachments(path: str | Path) -> dict[str, bytes]:
+    """Read the files kept with a recording: inside MCAP, or the specimen beside a table.
+
+    Returns:
+        File name to content; empty where no file is kept.
+
+    Raises:
+        InputError: There is no such recording, or it cannot be read.
+    """
+    path = data_file(Path(path))
     if is_mcap(path):
         return {k: v for k, v in read_contents(path).attachments.items() if k != INFO_FILE}
     specimen = path.parent / "specimen.toml"
