@@ -110,6 +110,7 @@ def test_a_refused_fit_keeps_the_old_specimen(
     [
         (["--specimen", "bean"], "did you mean 'beam'"),
         (["--specimen", "sopra"], "was recorded on 'beam', not on 'sopra'"),
+        (["--window", "9", "7"], "--window: 9 s is not before 7 s; give the earlier time first"),
         (["--window", "7", "9"], "has no samples between 7 and 9 s; it lasts from 0 to 1.48 s"),
         (["--rate", "0"], "0.0 is not in the range"),
     ],

@@ -33,6 +33,21 @@ def test_a_cylinder_with_four_chambers_is_asked_for(tmp_path: Path) -> None:
     assert (arm.geometry.kind, len(arm.chambers)) == ("cylinder", 4)
 
 
+def test_a_name_that_would_be_read_as_a_shipped_specimen_is_refused(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert run(["specimen", "new", "--out", "sopra"]) == 2
+    assert "is the name of a shipped specimen; write to sopra.toml" in capsys.readouterr().err
+
+
+def test_millimetres_are_written_without_their_rounding(tmp_path: Path) -> None:
+    out = tmp_path / "arm.toml"
+    answers = "trunk\ncylinder\n1\n\n\n\n\n\n\n\n2.03\n" + "\n" * 20
+    result = CliRunner().invoke(command, ["new", "--out", str(out)], input=answers)
+    assert result.exit_code == 0, result.output
+    assert "wall_m = 0.00203\n" in out.read_text()
+
+
 def test_measures_that_do_not_fit_write_nothing(tmp_path: Path) -> None:
     out = tmp_path / "arm.toml"
     walls = ["finger", "", "1", *[""] * 7, "12", *[""] * 10]

@@ -15,7 +15,12 @@ from softarm.estimator.specimen import Section, Specimen
 
 
 def default_loads(specimen: Specimen, sections: Sequence[str] = ()) -> tuple[Load, ...]:
-    """Return two lateral forces at every rigid section that is not held, or at those that are named."""
+    """Return two lateral forces, along x and y of the base frame, at rigid sections that are not held.
+
+    Args:
+        specimen: The robot.
+        sections: Names of the sections; all when left out.
+    """
     return tuple(
         load
         for section in specimen.sections

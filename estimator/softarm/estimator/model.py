@@ -54,7 +54,15 @@ def loads_along(
     section: str | None = None,
     height: float | None = None,
 ) -> tuple[Load, ...]:
-    """Make one load along each of some axes of the base frame, named ``<name>_<axis>``; see ``Load``."""
+    """Make one load along each of some axes of the base frame, named ``<name>_<axis>``.
+
+    Args:
+        name: Beginning of their names.
+        axes: Letters of the axes, such as ``"xy"``.
+        kind: Whether they are forces [N] or moments [N m].
+        section: Section that they act on; see ``Load``.
+        height: Height at which they act, where that is no section [m]; see ``Load``.
+    """
     return tuple(Load(f"{name}_{axis}", kind, AXES[axis], section, height) for axis in axes)
 
 

@@ -76,14 +76,13 @@ def command(
     from softarm.estimator.counted import counted
     from softarm.estimator.diagnosis.admit import LEAST_SAMPLES
     from softarm.estimator.errors import InputError
-    from softarm.estimator.files import require_free
     from softarm.estimator.node_by_node import NodeByNode
-    from softarm.estimator.specimen import save_specimen
+    from softarm.estimator.specimen import require_free_specimen, save_specimen
 
     if check == (out is not None):
         raise click.UsageError("give either --out FILE, to calibrate, or --check")
     if out is not None:
-        require_free(out, force=force)
+        require_free_specimen(out, force=force)
     loaded = load_recordings(recordings, window)
     robot = specimen_of(specimen, recordings, loaded)
     samples = sum(len(recording.time) for recording in loaded)

@@ -143,8 +143,7 @@ def command(
     from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
     from softarm.analysis.offline.inputs import specimen_of_any
-    from softarm.estimator.files import require_free
-    from softarm.estimator.specimen import save_specimen
+    from softarm.estimator.specimen import require_free_specimen, save_specimen
 
     robot = specimen_of_any(specimen, recordings)
     request = DiagnosisRequest(recordings, nominal, robot, seed, effects)
@@ -160,7 +159,7 @@ def command(
         click.echo(earlier.dump() if as_json else words, nl=not as_json)
         return 0
     if write_specimen is not None:
-        require_free(write_specimen, force=force)
+        require_free_specimen(write_specimen, force=force)
     assumed: list[str] = []
     with workers(jobs, dask) as executor, progress("diagnosing", sum(SHARES.values())) as advance:
         outcome = run(request, executor, _Steps(advance).advance, notify=assumed.append)

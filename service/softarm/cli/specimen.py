@@ -41,12 +41,12 @@ def new(out: Path, force: bool, as_json: bool) -> int:
     from softarm.cli.check import draw, specimen_tables
     from softarm.estimator.errors import InputError
     from softarm.estimator.files import require_free
-    from softarm.estimator.specimen import load_specimen, save_specimen
+    from softarm.estimator.specimen import load_specimen, require_free_specimen, save_specimen
     from softarm.estimator.specimen.measures import specimen_of_measures
 
     picture = out.with_suffix(".png")
-    for path in (out, picture):
-        require_free(path, force=force)
+    require_free_specimen(out, force=force)
+    require_free(picture, force=force)
     while True:
         measures = _ask()
         try:
@@ -86,7 +86,8 @@ class Quantity(NamedTuple):
         if not self.least <= value <= self.most:
             span = f"{self.least:g} to {self.most:g} {self.unit}"
             raise click.UsageError(f"{answer!r} is no number from {span}")
-        return self.si * value
+        # A product with a decimal fraction would write its rounding into the file.
+        return round(self.si * value, 9)
 
 
 LENGTH = Quantity("mm", 1e-3, 0.2, 2000.0)

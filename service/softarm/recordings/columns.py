@@ -114,7 +114,9 @@ def nearest(column: str) -> str:
     """Return the canonical name that a misnamed column most likely means."""
     if re.fullmatch(r"(host_)?(time|t|seconds)(_?stamp|_s|_sec)?", column.lower()):
         return TIME
-    return difflib.get_close_matches(column.lower(), [*_examples(column)], n=1, cutoff=0.0)[0]
+    # A plain x is a length: only a column with a q can have meant a part of a quaternion.
+    names = [name for name in _examples(column) if "q" in column.lower() or not re.search("_q[wxyz]$", name)]
+    return difflib.get_close_matches(column.lower(), names, n=1, cutoff=0.0)[0]
 
 
 def _refuse_duplicates(source: str, columns: Sequence[str]) -> None:
@@ -142,7 +144,9 @@ def _misnamed(source: str, column: str) -> InputError:
                 f"multiply it by {factor:.7g} and name it {canonical}",
             )
     return InputError(
-        where, "is not a column of a recording", f"the nearest is {nearest(column)}; rename or remove it"
+        where,
+        "is not a column of a recording",
+        f"the nearest is {nearest(column)} (docs/recordings.md lists all); rename or remove it",
     )
 
 

@@ -25,6 +25,7 @@ CASES = {
     "kpa": ("t_s,pressure_cmd_3_kPa\n0,1\n", "multiply it by 1000 and name it pressure_cmd_3_pa"),
     "degrees": ("t_s,bend_tip_x_deg,bend_tip_y_deg\n0,1,1\n", "by 0.01745329 and name it bend_tip_x_rad"),
     "millimetres": ("t_s,marker_a_x_mm\n0,1\n", "multiply it by 0.001 and name it marker_a_x_m"),
+    "a plain axis": ("t_s,Tip X\n0,1\n", "'Tip X'.*nearest is frame_tip_x_m .docs/recordings.md"),
     "misspelt": ("t_s,presure_2_pa\n0,1\n", "'presure_2_pa'.*nearest is pressure_2_pa"),
     "leading zero": ("t_s,pressure_00_pa\n0,1\n", "nearest is pressure_0_pa"),
     "foreign column": ("t_s,pressure_0_pa,temperature\n0,1,2\n", "'temperature'.*rename or remove"),

@@ -33,17 +33,26 @@ class InputBounds:
 
     @classmethod
     def free(cls, size: int) -> "InputBounds":
-        """Leave all inputs free."""
+        """Leave all of ``size`` inputs free."""
         return cls(np.full(size, -np.inf), np.full(size, np.inf))
 
     def bound(self, members: slice | Indices, lower: Floats | float, upper: Floats | float) -> "InputBounds":
-        """Bound some inputs as well."""
+        """Bound some inputs as well.
+
+        Args:
+            members: Which inputs.
+            lower: Their smallest values [Pa, N or N m], shape (members,) or one for all; -inf where free.
+            upper: Their largest values, likewise; inf where free.
+
+        Raises:
+            InputError: A lower bound is above its upper bound.
+        """
         low, high = self.lower.copy(), self.upper.copy()
         low[members], high[members] = lower, upper
         return InputBounds(low, high)
 
     def hold(self, members: slice, values: Floats | float) -> "InputBounds":
-        """Hold some inputs at values (an equality)."""
+        """Hold some inputs at values [Pa, N or N m], shape (members,) or one for all (an equality)."""
         return self.bound(members, values, values)
 
     @cached_property
@@ -53,6 +62,14 @@ class InputBounds:
         return held
 
     def reached(self, vector: Floats, scale: Floats) -> tuple[Flags, Flags]:
-        """Return which free inputs lie on their lower and on their upper bound."""
+        """Return which free inputs lie on their lower and on their upper bound.
+
+        Args:
+            vector: The inputs [Pa, N or N m], shape (inputs,).
+            scale: A typical change of each, shape (inputs,); a millionth of it counts as on the bound.
+
+        Returns:
+            Two flags of each input, shape (inputs,) each.
+        """
         near, free = 1e-6 * scale, ~self.held
         return free & (vector <= self.lower + near), free & (vector >= self.upper - near)

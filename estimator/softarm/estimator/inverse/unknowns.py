@@ -56,9 +56,9 @@ class Unknowns:
         )
 
     def vector(self, inputs: Inputs) -> Floats:
-        """Stack pressures and loads."""
+        """Stack pressures [Pa] and loads [N or N m], shape (inputs,)."""
         return np.concatenate([inputs.pressures, inputs.loads])
 
     def inputs(self, vector: Floats, gravity: Floats) -> Inputs:
-        """Split a vector into pressures and loads."""
+        """Split a vector, shape (inputs,), into pressures and loads; gravity [m/s2] has shape (3,)."""
         return Inputs(vector[: self.chambers], vector[self.chambers :], gravity)

@@ -12,6 +12,7 @@ from softarm.estimator.specimen.files import (
     SHIPPED,
     load_specimen,
     parse_specimen,
+    require_free_specimen,
     save_specimen,
     specimen_table,
 )
@@ -62,6 +63,7 @@ __all__ = [
     "Yeoh",
     "load_specimen",
     "parse_specimen",
+    "require_free_specimen",
     "save_specimen",
     "specimen_table",
 ]

@@ -8,7 +8,7 @@ import tomli_w
 from pydantic import ValidationError
 
 from softarm.estimator.errors import InputError, suggest
-from softarm.estimator.files import parse_toml, write_whole
+from softarm.estimator.files import parse_toml, require_free, write_whole
 from softarm.estimator.specimen.problems import describe_errors
 from softarm.estimator.specimen.specimen import Specimen
 
@@ -45,10 +45,26 @@ def parse_specimen(data: bytes, file: str) -> Specimen:
         raise describe_errors(file, error, Specimen) from None
 
 
+def require_free_specimen(path: Path, *, force: bool) -> None:
+    """Refuse a place for a specimen file, before the work for it begins.
+
+    Raises:
+        InputError: The path exists and ``force`` is off, its folder can neither be written nor made, or it is
+            the name of a shipped specimen, which would be read in its place.
+    """
+    if str(path) in SHIPPED:
+        raise InputError(str(path), "is the name of a shipped specimen", f"write to {path}.toml, for example")
+    require_free(path, force=force)
+
+
 def save_specimen(specimen: Specimen, path: str | Path) -> None:
     """Write a specimen as TOML, whole or not at all; missing folders are made.
 
     The path of a mesh file is rewritten so that it holds from the new place.
+
+    Args:
+        specimen: What to write; values left to their default are left out.
+        path: The file; one that exists is replaced.
 
     Raises:
         InputError: The folder cannot be written to.

@@ -64,10 +64,14 @@ def cut(recording: Recording, window: tuple[float, float] | None) -> Recording:
     """Keep the samples within a window of time [s].
 
     Raises:
-        InputError: There are none.
+        InputError: There are none, or the window ends before it begins.
     """
     if window is None:
         return recording
+    if not window[0] < window[1]:
+        raise InputError(
+            "--window", f"{window[0]:g} s is not before {window[1]:g} s", "give the earlier time first"
+        )
     inside = (recording.time >= window[0]) & (recording.time <= window[1])
     if not inside.any():
         raise InputError(
