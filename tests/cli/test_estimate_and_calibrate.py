@@ -1,13 +1,19 @@
 """The offline commands on recordings of a beam of known stiffness, with a known weight, made by the model."""
 
 import json
+from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
-from softarm.cli import run
+from softarm.analysis.offline.track import STATUSES, Track
+from softarm.cli import estimate, run
 from softarm.estimator.arm import build_arm
+from softarm.estimator.arrays import Floats
+from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.model import Inputs
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen, load_specimen, save_specimen
@@ -160,3 +166,30 @@ def test_an_output_that_cannot_be_written_is_refused_before_the_work(
     assert name in said.err
     assert not said.out
     assert not (tmp_path / "plots").exists()
+
+
+def test_a_run_on_which_no_search_converges_is_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    estimated = estimate._on_rod
+
+    def lost(robot: Specimen, run: CalibrationRun) -> tuple[Track[Any], Callable[[Any], Floats]]:
+        found, surface = estimated(robot, run)
+        return replace(found, status=np.full(len(run.time), STATUSES.index("diverged"))), surface
+
+    monkeypatch.setattr(estimate, "_on_rod", lost)
+    out = tmp_path / "out.csv"
+    words = [
+        "estimate",
+        str(EXAMPLE),
+        "--window",
+        "2",
+        "2.8",
+        "--rate",
+        "5",
+        "--plots",
+        str(tmp_path / "plots"),
+    ]
+    assert run([*words, "--out", str(out)]) == 1
+    assert "no search converged with calibrated rod" in capsys.readouterr().err
+    assert list(tmp_path.iterdir()) == []

@@ -17,6 +17,7 @@ from softarm.cli.output import (
     show,
     specimen_option,
 )
+from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Table
 
 if TYPE_CHECKING:
@@ -83,7 +84,7 @@ def command(
     from softarm.analysis.offline.alignment import aligned
     from softarm.analysis.offline.inputs import in_its_mount, load_recordings, specimen_of, taken_in
     from softarm.analysis.offline.resample import resample
-    from softarm.analysis.offline.result import as_recording
+    from softarm.analysis.offline.result import as_recording, status_counts
     from softarm.analysis.plots.estimate import plot_track
     from softarm.estimator.calibration import arrange
     from softarm.recordings import output_file, save_recording
@@ -100,6 +101,11 @@ def command(
     run = resample(arrange(loaded, robot, tuple(section.name for section in robot.sections)), rate)
     kind = _chosen(robot) if kind == "auto" else kind
     found, surface = _on_rod(robot, run) if kind == "rod" else _on_mesh(robot, run)
+    if status_counts(found)["diverged"] == len(run.time):
+        raise WorkFailedError(
+            f"{loaded.name}: no search converged with {NAMES[kind]}, so nothing was estimated; calibrate the "
+            "specimen, or check its measures, its pressure limits and the columns of the recording"
+        )
     say(f"estimated with {NAMES[kind]}")
     if found.given_up:
         say(
