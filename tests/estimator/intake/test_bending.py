@@ -67,3 +67,11 @@ def test_without_markers_of_the_base_the_laboratory_may_be_mirrored_instead() ->
 
 def test_one_chamber_of_an_arm_that_moves_in_all_directions_shows_none() -> None:
     assert check_mount(_stepped(2, sideways=3.0), SINGLE)[1] == ()
+
+
+def test_markers_that_the_specimen_does_not_describe_are_named_where_the_base_is_missing() -> None:
+    tips = tuple(marker for marker in SINGLE.markers if marker.section == "tip")
+    _, (fault,) = check_mount(_stepped(2), SINGLE.model_copy(update={"markers": tips}))
+    assert "nothing of the base was read" in fault.what
+    assert "describe the markers of the base in the specimen" in fault.cure
+    assert "base1, base2, base3" in fault.cure

@@ -47,7 +47,13 @@ def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     )
     if not words:
         return recording, ()
-    cure = f"record the frame or three markers of the {base}, or give all positions in its frame"
+    known = {marker.name for marker in specimen.markers}
+    unknown = [name for name in recording.markers if name not in known]
+    cure = (
+        f"describe the markers of the {base} in the specimen, if some of {', '.join(unknown)} are on it"
+        if unknown
+        else f"record the frame or three markers of the {base}, or give all positions in its frame"
+    )
     names = tuple(body.name for body in bodies)
     return recording, (RecordingFault(recording.name, "frame", names, words + NOTHING, cure, mended=False),)
 
