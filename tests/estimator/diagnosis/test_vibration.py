@@ -7,7 +7,7 @@ import pytest
 from scipy.linalg import eigh
 
 from softarm.estimator.diagnosis.nuisances import calibrate_sessions
-from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.stage import Stage, Vibrations
 from softarm.estimator.diagnosis.vibration import (
     LONGEST_STEP,
     OTHER_ARM,
@@ -17,9 +17,10 @@ from softarm.estimator.diagnosis.vibration import (
 )
 from softarm.estimator.effects import EFFECTS, Spot
 from softarm.estimator.effects.placed import PlacedEffect
-from softarm.estimator.simulation.inertia import Masses, StrainDynamics
+from softarm.estimator.simulation.inertia import Masses, StrainDynamics, VibratingArm
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import model, session
+from tests.estimator.simulation.straight_arm import straight_arm
 
 MASSES = Masses(np.array([0.02, 0.023]), np.array([0.16, 0.082]))
 
@@ -112,6 +113,40 @@ def test_an_arm_vibrates_about_what_an_effect_changes(calm: Stage) -> None:
     gain = PlacedEffect(EFFECTS["chamber_gain"], Spot(calm.world, Place()), np.array([-0.2]))
     still = calm.change([gain])
     assert plain.change([gain]) == pytest.approx(still - 0.2 * lag, abs=0.02 * np.abs(lag).max())
+
+
+def _crossings(gravity: float) -> int:
+    """Count how often the base of an arm with 0.08 kg at its tip crosses its rest after a step."""
+    clock = np.arange(0.0, 40.0, 0.02)
+    arm = straight_arm(clock)
+    heavy = Masses(np.array([0.0, 0.08]), np.zeros(2))
+    every = np.ones(len(clock), dtype=bool)
+    dynamics = StrainDynamics.of(arm.baseline, arm.segments, heavy)
+    weighed = replace(arm, drive=replace(arm.drive, gravity=np.tile([0.0, 0.0, gravity], (len(clock), 1))))
+    vibrations = Vibrations(
+        VibratingArm(clock, dynamics, (0.02, 0.0), 0.0, every, every), np.zeros((len(clock), 8)), weighed
+    )
+    turn = np.where(clock < 0.5, 0.0, 0.01)[:, None] * np.array([0.0, 1.0, 0.0])
+    _, rocking = vibrations.rocked(turn, 20.0, heavy.sections)
+    away = (rocking - turn)[clock > 0.6, 1]
+    return int(np.count_nonzero(np.diff(np.sign(away))))
+
+
+def test_gravity_holds_a_hanging_arm_on_a_compliant_base_and_not_a_standing_one() -> None:
+    assert _crossings(0.5) > _crossings(0.0) > _crossings(-0.5) > 0
+
+
+def test_an_arm_that_hardly_vibrates_follows_its_compliant_base(stage: Stage) -> None:
+    gravity = np.tile([2.0, 0.0, 9.81], (stage.session.samples, 1))
+    weighed = calibrate_sessions(model(), [stage.session]).stage(
+        model(), replace(stage.session, gravity=gravity)
+    )
+    quick = with_vibration(weighed, Vibration(1e-9, (2.0, 0.0), 0.0, 0.1, 2.0), MASSES)
+    base = PlacedEffect(EFFECTS["base_compliance"], Spot(weighed.world, Place()), np.array([0.2]))
+    still = weighed.first_order(base)
+    difference = np.abs(quick.first_order(base) - still)
+    assert np.median(difference.max(axis=1)) < 0.01 * np.abs(still).max()  # steps it takes as ramps
+    assert np.abs(still).max() > np.radians(1.0)
 
 
 def near_limit_point(stage: Stage, softer: np.ndarray) -> Stage:

@@ -28,6 +28,25 @@ def test_a_tip_mass_vibrates_at_its_frequency():
     assert found[:2] == pytest.approx([expected, expected], rel=0.01)  # its gyration counts a little
 
 
+def test_a_compliant_base_yields_in_series_with_the_arm():
+    compliance = 10.0
+    levers = HEIGHTS[1] - np.array([0.065, 0.20])
+    whole = (levers**2 / STIFFNESS[:, 0]).sum() + compliance * HEIGHTS[1] ** 2
+    expected = 1.0 / (2 * np.pi * np.sqrt(TIP.sections[1] * whole))
+    weightless = np.zeros((1, 8, 2)), np.zeros((1, 2, 2))
+    rocking = dynamics(TIP).on_a_base(compliance, *weightless)
+    assert rocking.frequencies()[:2] == pytest.approx([expected, expected], rel=0.01)
+    assert expected < 0.9 * dynamics(TIP).frequencies()[0]
+    hardly = dynamics(TIP).on_a_base(1e-6, *weightless)
+    assert hardly.frequencies()[:2] == pytest.approx(dynamics(TIP).frequencies()[:2], rel=1e-3)
+
+
+def test_a_segment_that_turns_with_its_base_has_the_inertia_of_a_rod():
+    # I = m L^2 / 3 about the end, by integration.
+    rocking = dynamics(Masses(np.zeros(2), np.array([1.0, 0.0]))).rocking[0]
+    assert rocking[8:, :] == pytest.approx(0.13**2 / 3 * np.eye(2), rel=0.01)
+
+
 def test_heavier_masses_vibrate_slower():
     heavy = Masses(4.0 * TIP.sections, TIP.segments)
     assert dynamics(heavy).frequencies()[0] == pytest.approx(dynamics(TIP).frequencies()[0] / 2)

@@ -96,6 +96,33 @@ class Vibrations:
             other = other.stiffer(segments, stiffness)
         return change + other.lag(self.still + change) - self._usual_lag
 
+    def rocked(self, turn: Floats, compliance: float, masses: Floats) -> tuple[Floats, Floats]:
+        """Return what a compliant base changes while the arm vibrates.
+
+        Args:
+            turn: How the base turns at rest [rad], shape (samples, 3).
+            compliance: Of the base [rad/(N m)].
+            masses: Gathered at the sections' origins [kg], shape (sections,).
+
+        Returns:
+            What it changes of the strains, shape (samples, strains), and how the base turns [rad], shape
+            (samples, 3).
+        """
+        gravity, places = self.resting.drive.gravity, self.resting.baseline.frames.positions
+        axes = np.eye(3)[:2]
+        by_gravity = self.strains_by_drive["gravity"]
+        turned = np.stack([_applied(by_gravity, -np.cross(axis, gravity)) for axis in axes], axis=-1)
+        levers = np.einsum("k,tki->ti", masses, places)
+        weights = np.einsum("ti,ti->t", levers, gravity)[:, None, None] * np.eye(3)
+        restoring = (weights - levers[:, :, None] * gravity[:, None, :])[:, :2, :2]
+        restoring = 0.5 * (restoring + np.swapaxes(restoring, 1, 2))
+        still = np.concatenate([self.still + _applied(turned, turn[:, :2]), turn[:, :2]], axis=1)
+        arm = self.arm.on_a_base(compliance, turned, restoring)
+        upright = bool((np.linalg.eigvalsh(arm.dynamics.stiffness)[:, 0] > 0.0).all())
+        moved = still + arm.lag(still) if upright else still  # it would fall over, and not vibrate
+        strains, rocking = np.split(moved, [self.still.shape[1]], axis=1)
+        return strains - self.still - self._usual_lag, np.pad(rocking, ((0, 0), (0, 1)))
+
     @cached_property
     def strains_by_drive(self) -> dict[str, Floats]:
         """Derivatives of the quasi-static strains by the parts of the drive; see ``Stage``."""
@@ -351,12 +378,14 @@ class Stage:
         if not placed.field:
             return self.innovation(self._misread(placed, self.base))
         drive = self.drive
+        modal = placed.effect.modal(placed.theta) if vibrating else None
+        if modal is not None and modal.base_compliance > 0.0 and self.vibrations is not None:
+            return self._rocked(placed, modal.base_compliance)
         change, _ = placed.change(self.signals)
         if placed.field == "base_rotation":
             rotated = placed.apply(drive, change)
             usual = replace(drive, base_rotation=self._usual(rotated, (placed,)))
             return _applied(self.twist_jacobian, self.arm.twists(rotated) - self.arm.rigid(usual))
-        modal = placed.effect.modal(placed.theta) if vibrating else None
         if placed.effect.only_vibrates and vibrating and self.vibrations is not None:
             change = np.zeros_like(change)
         stiffness = placed.stiffness(self.signals.time)
@@ -400,6 +429,19 @@ class Stage:
         vibrating = moved + _applied(self._strain_jacobian, strained)
         *_, stable = self._strain_stiffness
         return np.where(stable.reshape(-1, *(1,) * (change.ndim - 1)), vibrating, 0.0)
+
+    def _rocked(self, placed: PlacedEffect, compliance: float) -> Floats:
+        """Return what a compliant base changes while the arm vibrates on it, shape (samples, rows)."""
+        assert self.vibrations is not None
+        resting = self.vibrations.resting
+        turn, _ = placed.change(signals_of(resting.drive, self.world, resting.baseline))
+        strains, rocking = self.vibrations.rocked(np.nan_to_num(turn), compliance, self.world.masses)
+        rotated = placed.apply(self.drive, rocking)
+        usual = replace(self.drive, base_rotation=self._usual(rotated, (placed,)))
+        rigid = self.arm.rigid(rotated) - self.arm.rigid(usual)
+        change = _applied(self.twist_jacobian, rigid) + _applied(self._strain_jacobian, strains)
+        *_, stable = self._strain_stiffness
+        return np.where(stable[:, None], change, 0.0)
 
     @cached_property
     def signals(self) -> Signals:

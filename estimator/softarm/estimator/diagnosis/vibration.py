@@ -162,7 +162,7 @@ def _vibrating(stage: Stage, dynamics: StrainDynamics, theta: Floats) -> Vibrati
     """Return the arm of a stage that vibrates as ``START`` lists it, but where a load holds it."""
     converged = stage.arm.baseline.converged
     factor = float(np.exp(theta[0]))
-    heavy = replace(dynamics, mass=factor * dynamics.mass, rubber=factor * dynamics.rubber)
+    heavy = dynamics.times(factor)
     damping = (float(theta[1]), float(theta[2]))
     return VibratingArm(
         stage.session.clock,

@@ -149,6 +149,7 @@ class ModalChange:
         stiffness_ratio: Factor on the modal stiffness.
         inertia_time: a [s]: the segments at its place have a^2 of their stiffness as more inertia.
         damping_time: d [s]: they have d of their stiffness as more damping.
+        base_compliance: C [rad/(N m)], by which the base turns under the moment on it.
     """
 
     added_mass: float = 0.0
@@ -156,12 +157,14 @@ class ModalChange:
     stiffness_ratio: float = 1.0
     inertia_time: float = 0.0
     damping_time: float = 0.0
+    base_compliance: float = 0.0
 
     @property
     def vibrates_alike(self) -> bool:
         """Whether an arm of the same stiffness vibrates as before."""
         masses = self.added_mass == 0.0 and self.mass_ratio == 1.0
-        return masses and self.inertia_time == 0.0 and self.damping_time == 0.0
+        resisting = self.inertia_time == 0.0 and self.damping_time == 0.0
+        return masses and resisting and self.base_compliance == 0.0
 
 
 def no_modal_change(theta: Floats) -> ModalChange:  # noqa: ARG001

@@ -13,6 +13,11 @@ def base_compliance(signals: Signals, theta: Floats, spot: Spot, memory: Memory)
     return compliance * signals.moment * np.array([1.0, 1.0, 0.0]), memory
 
 
+def base_compliance_modal(theta: Floats) -> ModalChange:
+    """Let the mount yield while the arm vibrates, too."""
+    return ModalChange(base_compliance=float(theta[0]))
+
+
 BASE_COMPLIANCE = Effect(
     name="base_compliance",
     hook="support",
@@ -26,6 +31,7 @@ BASE_COMPLIANCE = Effect(
     splits=(("distributed_mass", "markers on the base"), ("tip_payload", "markers on the base")),
     when="pose",
     changes_inertia=True,
+    modal=base_compliance_modal,
 )
 
 

@@ -6,6 +6,12 @@ sections and segments: with J the derivative of a point's place by q, the sum of
 with a sixth of its mass at either end and the rest at the middle of its arc (Simpson's rule).
 D = a M + b K (J. W. Strutt, The Theory of Sound, 1877). Steps in time are those of N. M. Newmark (J. Eng.
 Mech. Div. ASCE 85, 1959) with constant average acceleration, which neither damp nor diverge.
+
+On a compliant base the turns r of the base about x and y are two more coordinates. With C the compliance, G
+what a turn changes of q_s, since gravity turns in the base frame, and k the moment of the weights about the
+base by r at constant strains, the potential is
+
+    V = (q - q_s)^T K (q - q_s) / 2 - (q - q_s)^T K G r + r^T (1 / C + k) r / 2.
 """
 
 from collections.abc import Callable
@@ -69,6 +75,8 @@ class StrainDynamics:
         stable: Samples at a stable equilibrium, shape (samples,); the others have typical matrices.
         drag: Damping beside that in proportion to M and K, of the same shape; ``None`` for none.
         damped: K in proportion to which it damps, of the same shape; ``None`` for that of ``stiffness``.
+        rocking: Columns of the mass matrix for turns of the base about x and y, behind those of the strains,
+            shape (samples, strains + 2, 2); ``None`` where they are not known.
     """
 
     stiffness: Floats
@@ -78,6 +86,7 @@ class StrainDynamics:
     stable: Flags
     drag: Floats | None = None
     damped: Floats | None = None
+    rocking: Floats | None = None
 
     @property
     def damped_stiffness(self) -> Floats:
@@ -92,8 +101,16 @@ class StrainDynamics:
         turned, stiffness, stable = strain_stiffness(response, segments)
         by_strain = (turned @ stiffness).reshape(samples, sections, 6, -1)
         rubber = replace(masses, sections=np.zeros_like(masses.sections))
-        mass, soft = (mass_matrix(frames, segments.neighbours, own, by_strain) for own in (masses, rubber))
-        return cls(stiffness, mass, soft, np.ascontiguousarray(by_strain[:, :, :3]), stable)
+        soft = mass_matrix(frames, segments.neighbours, rubber, by_strain)
+        whole = _mass_on_a_base(frames, segments.neighbours, masses, by_strain)
+        size = by_strain.shape[-1]
+        places = np.ascontiguousarray(by_strain[:, :, :3])
+        return cls(stiffness, whole[:, :size, :size], soft, places, stable, rocking=whole[:, :, size:])
+
+    def times(self, factor: float) -> "StrainDynamics":
+        """Return the matrices of an arm with all masses times a factor."""
+        rocking = None if self.rocking is None else factor * self.rocking
+        return replace(self, mass=factor * self.mass, rubber=factor * self.rubber, rocking=rocking)
 
     def frequencies(self, sample: int = 0) -> Floats:
         """Return the natural frequencies about the pose of one sample [Hz], rising."""
@@ -136,6 +153,22 @@ class StrainDynamics:
         """
         more = (factor - 1.0)[:, None, None] * self.stiffness * np.outer(strains, strains)
         return replace(self, stiffness=self.stiffness + more, damped=self.damped_stiffness)
+
+    def on_a_base(self, compliance: float, turned: Floats, restoring: Floats) -> "StrainDynamics":
+        """Return the matrices of an arm on a compliant base, whose turns are two more coordinates.
+
+        Args:
+            compliance: C, positive [rad/(N m)].
+            turned: G, shape (samples, strains, 2).
+            restoring: k [N m/rad], shape (samples, 2, 2).
+        """
+        assert self.rocking is not None
+        size = self.mass.shape[-1]
+        coupling = -self.stiffness @ turned
+        base = np.eye(2) / compliance + restoring
+        stiffness = _bordered(self.stiffness, coupling, base)
+        mass = _bordered(self.mass, self.rocking[:, :size], self.rocking[:, size:])
+        return replace(self, stiffness=stiffness, mass=mass, drag=None, damped=None, rocking=None)
 
     def strains(self, clock: Floats, still: Floats, damping: tuple[float, float]) -> Floats:
         """Let the arm vibrate about quasi-static strains.
@@ -220,6 +253,10 @@ class VibratingArm:
         """Return it with more inertia and damping of some strains; see ``StrainDynamics.slower``."""
         return replace(self, dynamics=self.dynamics.slower(strains, inertia_time, damping_time))
 
+    def on_a_base(self, compliance: float, turned: Floats, restoring: Floats) -> "VibratingArm":
+        """Return it on a compliant base; see ``StrainDynamics.on_a_base``."""
+        return replace(self, dynamics=self.dynamics.on_a_base(compliance, turned, restoring))
+
     def stiffer(self, strains: Flags, factor: Floats) -> "VibratingArm":
         """Return it with another stiffness of some strains; see ``StrainDynamics.stiffer``."""
         return replace(self, dynamics=self.dynamics.stiffer(strains, factor))
@@ -277,6 +314,32 @@ def mass_matrix(frames: Frames, neighbours: Neighbours, masses: Masses, twists: 
         np.array(neighbours, dtype=np.int64).reshape(-1, 2), masses.sections, masses.segments, matrix,
     )  # fmt: skip
     return matrix
+
+
+def _mass_on_a_base(frames: Frames, neighbours: Neighbours, masses: Masses, twists: Floats) -> Floats:
+    """Return the mass matrix with turns of the base about x and y as two more coordinates; see above."""
+    samples, sections = frames.positions.shape[:2]
+    size = twists.shape[-1]
+    positions = np.concatenate([frames.positions, np.zeros((samples, 1, 3))], axis=1)
+    whole = np.zeros((samples, sections + 1, 6, size + 2))
+    whole[:, :sections, :, :size] = twists
+    for axis in range(2):
+        turn = np.eye(3)[axis]
+        whole[:, :, :3, size + axis] = np.cross(turn, positions)
+        whole[:, :, 3:, size + axis] = turn
+    rotations = np.concatenate([frames.rotations, np.broadcast_to(np.eye(3), (samples, 1, 3, 3))], axis=1)
+    above, below = np.array(neighbours).reshape(-1, 2).T
+    held = tuple(zip(np.where(above < 0, sections, above).tolist(), below.tolist(), strict=True))
+    heavy = replace(masses, sections=np.append(masses.sections, 0.0))
+    return mass_matrix(Frames(positions, rotations), held, heavy, whole)
+
+
+def _bordered(matrix: Floats, sides: Floats, corner: Floats) -> Floats:
+    """Put symmetric matrices together: [[matrix, sides], [sides^T, corner]], each with the samples first."""
+    upper = np.concatenate([matrix, sides], axis=2)
+    lower = np.concatenate([np.swapaxes(sides, 1, 2), corner], axis=2)
+    whole: Floats = np.concatenate([upper, lower], axis=1)
+    return whole
 
 
 @njit(cache=True, nogil=True)
