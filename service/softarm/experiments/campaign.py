@@ -44,16 +44,28 @@ NOTES = {
         "Not pressurised: the gauge moves away in about a dozen steps in several directions, estimates while "
         "it rests. Pressurised: pressures ramp up and down in 8 s against the cord, all estimates.",
         "Errors are of the lateral part along the cord; range is that of the gauge in the run. The gauge is "
-        "averaged over the same window as the readings, and each pull is tared by the rest just before it. "
-        "Standard deviations are of the force before that: the tare takes out much of what the model lacks.",
+        "averaged over the same window as the readings, and each pull is tared by the rest just before it, "
+        "with what the arm remembers of earlier pulls. All else in the standard deviations is of the force "
+        "before that: the tare takes out much of what the model lacks.",
     ),
     "beyond": (
         "The calibration has seen pulls at the tip only. Four unknown loads: two lateral forces on either "
         "section, the pull on the tip alone.",
+        "Moving: an estimate knows no history, and while the cord lets go the rubber still holds some of the "
+        "largest force. The calibration measures how much, and the deviation grows by it.",
+        "Intermediate: pulls on the tip do not show how stiff the sections are, which the fake arm has rigid "
+        "and the drawing of rubber; that makes a force there too large.",
+    ),
+    "axial": (
+        "Cords pull sideways, so that no calibration says how an axial force or a torque errs: their "
+        "deviations are what the scatter of the sensors makes them. Pulls against pressures hardly twist the "
+        "arm, so that the scatter of its torsion is that of free poses. The elements tie torsion to bending; "
+        "fake arms twist more than that, each by a share of its own.",
     ),
     "location": (
         "Fake arm and elements both shear, by unlike laws: shift over rotation differs between them, which "
-        "looks like another height. The deviation counts such an error of form.",
+        "looks like another height. The deviation counts such an error of form. How much an arm shears, pulls "
+        "on the tip hardly show; fake arms differ in it, and the place is off by as much.",
     ),
     "teach": (
         "Errors are of the tip against the pose while the hand held it. Nearest in reach: mean distance of "

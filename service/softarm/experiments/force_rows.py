@@ -113,10 +113,10 @@ def follow_pull(
     model = tracking_model(
         case.specimen, default_loads(case.specimen, (pull.section,)) if loads is None else loads
     )
-    tracked = track(model, case.specimen, slow, waypoints=case.waypoints)
     tied = pull.tied
     vented = np.nan_to_num(slow.pressures).max(axis=1) < VENTED_PA
     untied = ~tied & vented
+    tracked = track(model, case.specimen, slow, waypoints=case.waypoints, tared=untied)
     return PullTrack(case.condition, sensors, pull, tracked, force_errors(tracked, pull, untied).keep(tied))
 
 

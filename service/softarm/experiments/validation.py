@@ -110,8 +110,10 @@ def pose_deviation(specimen: Specimen, suite: SensorSuite) -> Floats:
     for sensor in suite.measurements:
         std = np.sqrt(np.diag(sensor.covariance(np.zeros(sensor.reading_size))))
         if isinstance(sensor, MeasuredPose):
-            std[:3] = np.hypot(std[:3], scatter.get(f"{sensor.name} position", 0.0))
-            std[3:] = np.hypot(std[3:], scatter.get(f"{sensor.name} rotation", 0.0))
+            rotation = scatter.get(f"{sensor.name} rotation", 0.0)
+            torsion = scatter.get(f"{sensor.name} torsion", rotation)
+            spread_of_model = [scatter.get(f"{sensor.name} position", 0.0)] * 3 + [rotation] * 2 + [torsion]
+            std = np.hypot(std, spread_of_model)
         else:
             std = np.hypot(std, scatter.get(sensor.name, 0.0))
         spread[suite.slices[sensor.name]] = std

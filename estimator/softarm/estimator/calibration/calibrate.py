@@ -33,6 +33,7 @@ from softarm.estimator.calibration.outcome import Calibrated, Check
 from softarm.estimator.calibration.pulled_moduli import FEWEST_PULLS, by_pull, moduli_from_pulls
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.regression import estimate_lag, fit_line
+from softarm.estimator.calibration.remembered import remembered_shares
 from softarm.estimator.calibration.scatter import rms, scatter_by_condition
 from softarm.estimator.calibration.search import AxesFit, search_axes
 from softarm.estimator.calibration.start import sized_by_bends, solvable, with_bends_kept
@@ -137,7 +138,8 @@ def calibrate(
     scatter = scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train))
     dropped = [p for p in forward.layout.unknowns if p.name not in layout.names]
     pulls = replace(everything, nodes=tuple(map(by_pull, nodes)))
-    accuracy = force_accuracy(layout.setting(final.values), left_out(pulls, final), pulls.nodes, scatter)
+    setting, unseen_pulls = layout.setting(final.values), left_out(pulls, final)
+    accuracy = force_accuracy(setting, unseen_pulls, pulls.nodes, scatter)
     vented_pulls = pulled.force_accuracy(scatter)
     errors = {**accuracy.errors, **vented_pulls.errors}
     return Calibrated(
@@ -155,6 +157,7 @@ def calibrate(
         scatter=scatter,
         force_ratio={**accuracy.ratios, **vented_pulls.ratios},
         force_error=errors | pulled.unpulled_errors(errors, scatter),
+        force_memory=remembered_shares(setting, unseen_pulls, pulls.nodes, scatter),
     )
 
 

@@ -1,7 +1,7 @@
 """What a calibration found, and the specimen that contains it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -13,6 +13,8 @@ from softarm.estimator.rotations import exp, from_quaternions, log
 from softarm.estimator.specimen import BendCalibration, ChamberCalibration, FrameCalibration, Specimen, Value
 
 ZERO = Value(value=0.0)
+POSE_QUANTITIES = ("position",) * 3 + ("rotation",) * 2 + ("torsion",)
+"""Quantity of each component of a pose."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,7 @@ class Calibrated:
         force_ratio: Error over deviation of the forces that follow from the readings at known pulls, each
             pull by the fit to all others, beside what grows with the pull; by condition and section.
         force_error: Relative error of forces, likewise.
+        force_memory: Share of a force that the arm remembers once it is over, by section.
     """
 
     identified: tuple[Identified, ...]
@@ -67,6 +70,7 @@ class Calibrated:
     scatter: Mapping[str, float]
     force_ratio: Mapping[str, float]
     force_error: Mapping[str, float]
+    force_memory: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def fitted(self) -> int:
@@ -105,6 +109,7 @@ def calibrated_specimen(specimen: Specimen, calibrated: Calibrated, provenance: 
             "scatter": dict(calibrated.scatter),
             "force_ratio": dict(calibrated.force_ratio),
             "force_error": dict(calibrated.force_error),
+            "force_memory": dict(calibrated.force_memory),
             "modulus_scale": scales,
             "stretch_gain": calibrated.value("stretch") or old.stretch_gain,
             "chambers": tuple(_chamber(specimen, c.index, calibrated) for c in specimen.chambers),
@@ -125,11 +130,14 @@ def by_quantity(components: Mapping[str, float]) -> dict[str, float]:
 
 
 def quantity_of(component: str) -> str:
-    """Name the sensor and quantity of a component: ``frame_tip.4`` is ``frame_tip rotation``."""
+    """Name the sensor and quantity of a component: ``frame_tip.4`` is ``frame_tip rotation``.
+
+    The rotation about the arm's axis is ``frame_tip torsion``: bending does not show how the arm twists.
+    """
     sensor, _, number = component.rpartition(".")
     if not sensor.startswith("frame_"):
         return sensor
-    return f"{sensor} {'position' if int(number) < 3 else 'rotation'}"
+    return f"{sensor} {POSE_QUANTITIES[int(number)]}"
 
 
 def _chamber(specimen: Specimen, index: int, calibrated: Calibrated) -> ChamberCalibration:

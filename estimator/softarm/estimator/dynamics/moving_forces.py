@@ -1,6 +1,6 @@
 """The forces on an arm that moves, from estimates that hold it for one at rest."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -8,6 +8,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.dynamics.force_filter import ForceFilter
 from softarm.estimator.dynamics.reduced_arm import ReducedArm, Reduction
+from softarm.estimator.dynamics.remembered_forces import RememberedForces
 from softarm.estimator.inverse import ArmEstimate
 from softarm.estimator.model import Load
 from softarm.estimator.sensing import SensorSuite
@@ -31,6 +32,7 @@ class MovingForces:
         masses: Of sections and segments.
         loads: The unknown loads; where they are not all forces on sections, estimates stay as they are.
         suite: The sensors with their own noise.
+        memory: Share of a force that the arm remembers once it is over, by section.
     """
 
     def __init__(
@@ -40,8 +42,10 @@ class MovingForces:
         masses: Masses,
         loads: Sequence[Load],
         suite: SensorSuite,
+        memory: Mapping[str, float] | None = None,
     ) -> None:
         self._suite = suite
+        self._remembered = RememberedForces(loads, memory or {})
         self._reduction: Reduction | None = None
         if loads and all(load.kind == "force" and load.section is not None for load in loads):
             self._reduction = Reduction.of(loads, sections, neighbours, masses)
@@ -55,14 +59,20 @@ class MovingForces:
     ) -> "MovingForces":
         """Read masses and their places from a specimen."""
         masses = Masses.of(specimen, sections, tuple(part.name for part in specimen.segments))
-        return cls(sections, neighbours_of(specimen, sections), masses, loads, suite)
+        memory = specimen.calibration.force_memory
+        return cls(sections, neighbours_of(specimen, sections), masses, loads, suite, memory)
 
     def reset(self) -> None:
         """Forget the past."""
         self._filter = None
+        self._remembered.reset()
+
+    def forget(self) -> None:
+        """Count the forces of the last estimate as none: what the arm remembers until then is in the tare."""
+        self._remembered.reset()
 
     def update(self, time: float, readings: Floats, estimate: ArmEstimate[Any]) -> tuple[Floats, Floats]:
-        """Return the forces without the arm's inertia.
+        """Return the forces without the arm's inertia; what it remembers of larger ones widens them.
 
         Args:
             time: Of the estimate [s].
@@ -74,6 +84,15 @@ class MovingForces:
             those of the estimate where it starts anew: at first, after a search that failed, or after
             a pause in which the arm may have swung.
         """
+        forces, covariance = self._without_inertia(time, readings, estimate)
+        if estimate.status == "diverged":
+            return forces, covariance
+        return forces, covariance + self._remembered.update(forces)
+
+    def _without_inertia(
+        self, time: float, readings: Floats, estimate: ArmEstimate[Any]
+    ) -> tuple[Floats, Floats]:
+        """Return the forces without the arm's inertia, and their covariance; see ``update``."""
         plain = estimate.inputs.loads, estimate.load_covariance
         arm = None
         if self._reduction is not None and estimate.status != "diverged":

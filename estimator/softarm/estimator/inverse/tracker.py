@@ -110,7 +110,7 @@ class _Accuracy:
         errors = np.array([condition.relative_error(load.section) for load in loads])
         return cls(
             widened(suite, condition.scatter),
-            np.array([condition.force_ratio(load.section) for load in loads]),
+            np.array([condition.load_ratio(load) for load in loads]),
             errors[:, None] ** 2 * together.reshape(len(loads), len(loads)),
         )
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.model import Load
 from softarm.estimator.sensing.bend import Bend
 from softarm.estimator.sensing.measurement import Measurement
 from softarm.estimator.sensing.orientation import Orientation
@@ -48,6 +49,16 @@ class Condition:
     def force_ratio(self, section: str | None) -> float:
         """Return the ratio on a section; the largest known, and no less than 1, where none is."""
         return self.force_ratios.get(section or "", max((1.0, *self.force_ratios.values())))
+
+    def load_ratio(self, load: Load) -> float:
+        """Return the ratio of a load on its section.
+
+        Pulls show that of lateral forces. Axial forces and moments show in other readings, where pulls of
+        cords hardly say how the model errs: their deviation is no less than the scatter makes it.
+        """
+        ratio = self.force_ratio(load.section)
+        lateral = load.kind == "force" and abs(load.direction[2]) < np.hypot(*load.direction[:2])
+        return ratio if lateral else max(1.0, ratio)
 
     def relative_error(self, section: str | None) -> float:
         """Return the relative error of a force on a section."""
@@ -124,14 +135,24 @@ def _widened(sensor: Measurement, scatter: Mapping[str, float]) -> Measurement:
     def joined(own: float | Floats, name: str) -> Any:
         return np.hypot(own, scatter.get(name, 0.0))
 
+    def rotated(own: float | Floats, name: str) -> Floats:
+        tilt = f"{name} rotation"
+        torsion = f"{name} torsion"  # which earlier calibrations did not tell apart
+        both = [joined(own, tilt), joined(own, torsion if torsion in scatter else tilt)]
+        return np.asarray(np.where([True, True, False], *both), dtype=np.float64)
+
     if isinstance(sensor, MeasuredPose):
         return replace(
             sensor,
             position_sigma=joined(sensor.position_sigma, f"{sensor.name} position"),
-            rotation_sigma=joined(sensor.rotation_sigma, f"{sensor.name} rotation"),
+            rotation_sigma=rotated(sensor.rotation_sigma, sensor.name),
         )
-    if isinstance(sensor, Orientation | Bend):
-        # Where a calibration recorded frames alone, the model errs as much in the rotation of their sections.
-        as_pose = f"{sensor.name.replace('orientation_', 'frame_').replace('bend_', 'frame_')} rotation"
-        return replace(sensor, sigma=joined(sensor.sigma, sensor.name if sensor.name in scatter else as_pose))
+    if isinstance(sensor, Orientation | Bend) and sensor.name in scatter:
+        return replace(sensor, sigma=joined(sensor.sigma, sensor.name))
+    # Where a calibration recorded frames alone, the model errs as much in the rotation of their sections.
+    if isinstance(sensor, Orientation):
+        return replace(sensor, sigma=rotated(sensor.sigma, sensor.name.replace("orientation_", "frame_")))
+    if isinstance(sensor, Bend):
+        as_pose = f"{sensor.name.replace('bend_', 'frame_')} rotation"
+        return replace(sensor, sigma=joined(sensor.sigma, as_pose))
     return sensor

@@ -8,7 +8,7 @@ from typing import Any, Generic, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.augmented import Follower, estimator_of
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.dynamics import MovingForces
@@ -110,6 +110,7 @@ def track(
     advance: Callable[[float], None] = lambda _: None,
     guide: ArmModel[Any, Any] | None = None,
     waypoints: Waypoints[State] | None = None,
+    tared: Flags | None = None,
 ) -> Track[State]:
     """Estimate loads and frames at every sample of a run, each on its own but for the arm's inertia.
 
@@ -123,6 +124,7 @@ def track(
         advance: Called with 1 after each sample.
         guide: A fast model with the same loads, at whose answer a search begins that has nothing to go on.
         waypoints: States of the same samples to begin at; filled where it is empty.
+        tared: Samples whose forces count as none afterwards; none where it is left out, shape (samples,).
     """
     estimator = _estimator(model, specimen, run, guide)
     gravity = np.array(specimen.gravity_m_s2)
@@ -151,6 +153,8 @@ def track(
             estimator.reset()
             estimate = estimator.update(float(time), readings, pressures, gravity)
         in_vain_s = in_vain_s + monotonic() - began if estimate.status == "diverged" else 0.0
+        if tared is not None and tared[index]:
+            moving.forget()
         _put(estimates, index, estimate, *moving.update(float(time), readings, estimate))
         if not solved:
             lost = estimate.status == "diverged"

@@ -137,6 +137,7 @@ class Solver:
             follower = FallbackEstimator(follower, fast, self._pursuit)
         self._estimator = follower
         self._moving = MovingForces.of(specimen, self._model.sections, self._model.loads, self._suite)
+        self._tared = np.zeros(len(self._model.loads))
         unshaped = follower.unshaped if isinstance(follower, AugmentedEstimator) else np.asarray
         self._held_arm = HeldArm(self._suite, self._actuation, self._limits, unshaped)
         self._profile = ContactProfile(_heights(specimen), passes=1)
@@ -186,6 +187,9 @@ class Solver:
         )
         if self._check is not None and estimate.converged:
             self._check.offer(request.time_s, estimate.inputs, estimate.frames)
+        if request.tare is not None and not np.array_equal(request.tare, self._tared):
+            self._tared = request.tare
+            self._moving.forget()
         loads, covariance = self._moving.update(request.time_s, request.readings, estimate)
         hold = self._held(request, estimate)
         contact = self._contact(request, estimate) if request.want_contact else None

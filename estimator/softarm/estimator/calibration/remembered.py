@@ -1,0 +1,67 @@
+"""What the arm remembers of a pull once it is over, taken for a force.
+
+Rubber that was strained and let go does not return at once, nor the whole way. With r the readings measured
+minus predicted at the first node after a pull at which the cord is slack, r_0 at the last one before it, the
+estimate there takes r - r_0 for a force e. The part of e along the largest force F of the pull, over F, is
+what is remembered.
+"""
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from scipy.special import ndtr, stdtrit
+
+from softarm.estimator.calibration.force_accuracy import LATERAL, PULLED
+from softarm.estimator.calibration.forward import NodePredictions
+from softarm.estimator.calibration.nodes import Nodes
+from softarm.estimator.calibration.pulls import LEAST_PULL
+from softarm.estimator.calibration.setting import Setting
+from softarm.estimator.calibration.taken_for_force import taken_for_force
+from softarm.estimator.sensing.model_error import ModelError, vented
+
+
+def remembered_shares(
+    setting: Setting,
+    evaluations: Sequence[NodePredictions],
+    nodes: Sequence[Nodes],
+    scatter: Mapping[str, float],
+) -> dict[str, float]:
+    """Compute which share of a force on the vented arm is remembered, by section that was pulled.
+
+    Twice a share holds 95 % of what is remembered, as twice a standard deviation does.
+
+    Args:
+        setting: The calibration.
+        evaluations: What it predicts, per run.
+        nodes: The nodes that it predicts; each pull is a block, from slack to slack.
+        scatter: About its predictions, by sensor, quantity and condition [m or rad].
+    """
+    shares: dict[str, list[float]] = {}
+    known = ModelError.of(scatter).vented.scatter
+    for at, run_nodes in zip(evaluations, nodes, strict=True):
+        if not run_nodes.run.pulled:
+            continue
+        slack = (np.abs(run_nodes.loads) <= LEAST_PULL).all(axis=1)
+        usable = vented(run_nodes.pressures) & at.converged
+        for block in np.unique(run_nodes.blocks)[1:]:
+            inside = usable & (run_nodes.blocks == block)
+            before = np.flatnonzero(usable & slack & (run_nodes.blocks == block - 1))
+            taut, after = np.flatnonzero(inside & ~slack), np.flatnonzero(inside & slack)
+            if not (len(before) and len(taut) and len(after)):
+                continue
+            strongest = taut[np.argmax(np.linalg.norm(run_nodes.loads[taut], axis=1))]
+            pull = setting.pulls(run_nodes.loads[[strongest]])[0]
+            first = int(np.argmax(np.abs(pull))) // PULLED * PULLED
+            lateral = pull[first : first + LATERAL]
+            change = at.innovation[[after[0]]] - at.innovation[[before[-1]]]
+            node = np.arange(len(run_nodes.time)) == after[0]
+            loads = slice(first, first + LATERAL)
+            wrong = taken_for_force(setting, at.keep(node), run_nodes.keep(node), known, loads, change)[0][0]
+            if np.isfinite(wrong).all() and np.linalg.norm(lateral) > LEAST_PULL:
+                section = run_nodes.run.load_names[first].rpartition("_")[0]
+                share = float(wrong @ lateral / (lateral @ lateral))
+                shares.setdefault(section, []).append(share)
+    return {
+        section: float(np.sqrt(np.mean(np.square(values))) * stdtrit(len(values), ndtr(2.0)) / 2.0)
+        for section, values in shares.items()
+    }
