@@ -58,14 +58,14 @@ NOTES = {
     ),
     "axial": (
         "Cords pull sideways, so that no calibration says how an axial force or a torque errs: their "
-        "deviations are what the scatter of the sensors makes them. Pulls against pressures hardly twist the "
-        "arm, so that the scatter of its torsion is that of free poses. The elements tie torsion to bending; "
-        "fake arms twist more than that, each by a share of its own.",
+        "deviations are what the scatter of the readings makes them. Pulls against pressures hardly twist "
+        "the arm; the scatter of its torsion is therefore that of free poses. In the elements torsion follows "
+        "from bending, while each fake arm has a torsional stiffness of its own.",
     ),
     "location": (
         "Fake arm and elements both shear, by unlike laws: shift over rotation differs between them, which "
-        "looks like another height. The deviation counts such an error of form. How much an arm shears, pulls "
-        "on the tip hardly show; fake arms differ in it, and the place is off by as much.",
+        "looks like another height. The deviation counts such an error of form. Pulls on the tip hardly show "
+        "how much an arm shears, in which fake arms differ; the place is off by what they differ by.",
     ),
     "teach": (
         "Errors are of the tip against the pose while the hand held it. Nearest in reach: mean distance of "

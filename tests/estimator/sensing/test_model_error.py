@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from softarm.estimator.model import Load
 from softarm.estimator.sensing import (
     Bend,
     MeasuredPose,
@@ -46,6 +47,25 @@ def test_the_error_that_grows_with_a_force_is_that_of_the_condition() -> None:
     assert error.vented.relative_error("tip") == 0.007
     assert error.pressurised.relative_error("tip") == 0.012
     assert error.vented.relative_error("intermediate") == UNPULLED_ERROR
+
+
+@pytest.mark.parametrize(("ratio", "expected"), [(0.7, 1.0), (1.5, 1.5)])
+def test_pulls_across_the_arm_do_not_make_other_loads_more_certain(ratio: float, expected: float) -> None:
+    condition = ModelError.of({}, {"vented pulls on tip": ratio}).vented
+    across, along = Load("x", "force", (0.8, 0.6, 0.0), "tip"), Load("z", "force", (0.0, 0.0, 1.0), "tip")
+    torque = Load("torque", "moment", (0.0, 0.0, 1.0), "tip")
+    assert condition.load_ratio(across) == ratio
+    assert condition.load_ratio(along) == condition.load_ratio(torque) == expected
+
+
+@pytest.mark.parametrize(
+    "sensor",
+    [MeasuredPose("frame_tip", 0, 4e-3, 0.03), Orientation("orientation_tip", 0, 0.03)],
+    ids=lambda sensor: sensor.name,
+)
+def test_torsion_scatters_apart_from_bending(sensor: Measurement) -> None:
+    noise = widened(SensorSuite((sensor,)), SCATTER | {"frame_tip torsion": 0.4}).noise
+    np.testing.assert_allclose(noise[-3:], [0.05, 0.05, np.hypot(0.03, 0.4)])
 
 
 @pytest.mark.parametrize(
