@@ -59,8 +59,8 @@ NOTES = {
     "axial": (
         "Cords pull sideways, so that no calibration says how an axial force or a torque errs: their "
         "deviations are what the scatter of the readings makes them. Pulls against pressures hardly twist "
-        "the arm; the scatter of its torsion is therefore that of free poses. In the elements torsion follows "
-        "from bending, while each fake arm has a torsional stiffness of its own.",
+        "the arm; the scatter of its torsion is therefore that of free poses. In the elements torsion "
+        "follows from bending, while each fake arm has a torsional stiffness of its own.",
     ),
     "location": (
         "Fake arm and elements both shear, by unlike laws: shift over rotation differs between them, which "
