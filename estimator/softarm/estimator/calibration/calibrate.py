@@ -138,8 +138,8 @@ def calibrate(
     scatter = scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train))
     dropped = [p for p in forward.layout.unknowns if p.name not in layout.names]
     pulls = replace(everything, nodes=tuple(map(by_pull, nodes)))
-    setting, unseen_pulls = layout.setting(final.values), left_out(pulls, final)
-    accuracy = force_accuracy(setting, unseen_pulls, pulls.nodes, scatter)
+    setting = layout.setting(final.values)
+    accuracy = force_accuracy(setting, left_out(pulls, final), pulls.nodes, scatter)
     vented_pulls = pulled.force_accuracy(scatter)
     errors = {**accuracy.errors, **vented_pulls.errors}
     return Calibrated(
@@ -157,7 +157,7 @@ def calibrate(
         scatter=scatter,
         force_ratio={**accuracy.ratios, **vented_pulls.ratios},
         force_error=errors | pulled.unpulled_errors(errors, scatter),
-        force_memory=remembered_shares(setting, unseen_pulls, pulls.nodes, scatter),
+        force_memory=remembered_shares(setting, final.evaluations, pulls.nodes, scatter),
     )
 
 

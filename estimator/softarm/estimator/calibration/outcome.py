@@ -70,7 +70,7 @@ class Calibrated:
     scatter: Mapping[str, float]
     force_ratio: Mapping[str, float]
     force_error: Mapping[str, float]
-    force_memory: Mapping[str, float] = field(default_factory=dict)
+    force_memory: Mapping[str, Value] = field(default_factory=dict)
 
     @property
     def fitted(self) -> int:

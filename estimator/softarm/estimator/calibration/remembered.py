@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from scipy.special import ndtr, stdtrit
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.force_accuracy import LATERAL, PULLED
 from softarm.estimator.calibration.forward import NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
@@ -18,6 +19,7 @@ from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.taken_for_force import taken_for_force
 from softarm.estimator.sensing.model_error import ModelError, vented
+from softarm.estimator.specimen import Value
 
 
 def remembered_shares(
@@ -25,14 +27,15 @@ def remembered_shares(
     evaluations: Sequence[NodePredictions],
     nodes: Sequence[Nodes],
     scatter: Mapping[str, float],
-) -> dict[str, float]:
+) -> dict[str, Value]:
     """Compute which share of a force on the vented arm is remembered, by section that was pulled.
 
-    Twice a share holds 95 % of what is remembered, as twice a standard deviation does.
+    It is the mean over the pulls. Within two of its standard deviations lie 95 % of the shares of further
+    pulls, by Student's t; that of a single pull is as uncertain as it is large.
 
     Args:
         setting: The calibration.
-        evaluations: What it predicts, per run.
+        evaluations: What it predicts, per run; of every node by the same values, since changes count.
         nodes: The nodes that it predicts; each pull is a block, from slack to slack.
         scatter: About its predictions, by sensor, quantity and condition [m or rad].
     """
@@ -61,7 +64,13 @@ def remembered_shares(
                 section = run_nodes.run.load_names[first].rpartition("_")[0]
                 share = float(wrong @ lateral / (lateral @ lateral))
                 shares.setdefault(section, []).append(share)
-    return {
-        section: float(np.sqrt(np.mean(np.square(values))) * stdtrit(len(values), ndtr(2.0)) / 2.0)
-        for section, values in shares.items()
-    }
+    return {section: _of_further_pulls(np.array(values)) for section, values in shares.items()}
+
+
+def _of_further_pulls(shares: Floats) -> Value:
+    """Return the mean share and the standard deviation of that of a further pull."""
+    count, mean = len(shares), float(shares.mean())
+    if count == 1:
+        return Value(value=mean, std=abs(mean))
+    spread = shares.std(ddof=1) * np.sqrt(1.0 + 1.0 / count) * stdtrit(count - 1, ndtr(2.0)) / 2.0
+    return Value(value=mean, std=float(spread))

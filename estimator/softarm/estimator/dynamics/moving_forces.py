@@ -14,7 +14,7 @@ from softarm.estimator.model import Load
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.simulation.inertia import Masses
 from softarm.estimator.simulation.segments import Neighbours, neighbours_of
-from softarm.estimator.specimen import Specimen
+from softarm.estimator.specimen import Specimen, Value
 
 COARSE = 1.0
 """Phase [rad] of the slowest vibration between two instants beyond which they do not show it."""
@@ -42,7 +42,7 @@ class MovingForces:
         masses: Masses,
         loads: Sequence[Load],
         suite: SensorSuite,
-        memory: Mapping[str, float] | None = None,
+        memory: Mapping[str, Value] | None = None,
     ) -> None:
         self._suite = suite
         self._remembered = RememberedForces(loads, memory or {})
@@ -67,12 +67,12 @@ class MovingForces:
         self._filter = None
         self._remembered.reset()
 
-    def forget(self) -> None:
-        """Count the forces of the last estimate as none: what the arm remembers until then is in the tare."""
-        self._remembered.reset()
+    def tare(self) -> None:
+        """Begin a new history of the forces at the last instant; see ``RememberedForces``."""
+        self._remembered.tare()
 
     def update(self, time: float, readings: Floats, estimate: ArmEstimate[Any]) -> tuple[Floats, Floats]:
-        """Return the forces without the arm's inertia; what it remembers of larger ones widens them.
+        """Return the forces without the arm's inertia and what it remembers of larger ones.
 
         Args:
             time: Of the estimate [s].
@@ -87,7 +87,8 @@ class MovingForces:
         forces, covariance = self._without_inertia(time, readings, estimate)
         if estimate.status == "diverged":
             return forces, covariance
-        return forces, covariance + self._remembered.update(forces)
+        forces, remembered = self._remembered.update(forces)
+        return forces, covariance + remembered
 
     def _without_inertia(
         self, time: float, readings: Floats, estimate: ArmEstimate[Any]

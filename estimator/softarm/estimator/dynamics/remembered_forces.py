@@ -1,9 +1,13 @@
-"""What an arm remembers of the largest force on it, as a deviation of the forces that follow.
+"""What an arm remembers of the largest force on it, taken out of the forces that follow.
 
-A calibration rests on forces that rise. In rubber with hysteresis, unloading from F to f leaves the curve of
-first loading by what grows with F - f and is largest at f = 0 (G. Masing, Proc. 2nd Int. Congr. Appl.
-Mech. 1926, for elastic-slip elements): an
-estimate that knows no history errs there by m (F - f), m the share of a force that is remembered.
+A calibration rests on forces that rise. In rubber with hysteresis, unloading leaves the curve of first
+loading by what grows with the way back (G. Masing, Proc. 2nd Int. Congr. Appl. Mech. 1926, for elastic-slip
+elements). An estimate that knows no history takes the arm, which is still bent, for one that is held: with F
+the largest force so far, u its direction and m the share that is remembered, it finds a force f to be
+
+    f + m u (|F| - u . f).
+
+A tare begins a new history: forces count from there, and what is remembered of those before stays taken out.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,6 +16,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Load
+from softarm.estimator.specimen import Value
 
 
 class RememberedForces:
@@ -22,32 +27,48 @@ class RememberedForces:
         shares: m of each section, by its name; sections that it lacks remember nothing.
     """
 
-    def __init__(self, loads: Sequence[Load], shares: Mapping[str, float]) -> None:
+    def __init__(self, loads: Sequence[Load], shares: Mapping[str, Value]) -> None:
         places = [load.section if load.kind == "force" else None for load in loads]
         self._groups = [
             (np.array([k for k, place in enumerate(places) if place == name]), share)
             for name, share in shares.items()
             if name in places
         ]
-        self._largest = np.zeros(len(loads))
+        self._largest, self._taken_out = np.zeros(len(loads)), np.zeros(len(loads))
+        self._before_tare = np.zeros(len(loads))
 
     def reset(self) -> None:
         """Forget the past."""
-        self._largest[:] = 0.0
+        for array in (self._largest, self._taken_out, self._before_tare):
+            array[:] = 0.0
 
-    def update(self, forces: Floats) -> Floats:
-        """Return the covariance of what is remembered at the next instant, shape (loads, loads).
+    def tare(self) -> None:
+        """Begin a new history at the last instant."""
+        self._before_tare += self._taken_out
+        for array in (self._largest, self._taken_out):
+            array[:] = 0.0
+
+    def update(self, forces: Floats) -> tuple[Floats, Floats]:
+        """Return the forces without what is remembered, and the covariance of that.
 
         Args:
-            forces: Amplitudes of the loads at that instant, shape (loads,).
+            forces: Amplitudes of the loads at the next instant, shape (loads,).
+
+        Returns:
+            Shapes (loads,) and (loads, loads).
         """
-        covariance = np.zeros((len(forces), len(forces)))
+        since, covariance = forces - self._before_tare, np.zeros((len(forces), len(forces)))
+        self._taken_out[:] = 0.0
         for members, share in self._groups:
-            now = forces[members]
+            now, largest = since[members], self._largest[members]
+            size = float(np.linalg.norm(largest))
             if not np.isfinite(now).all():
                 continue
-            if np.linalg.norm(now) >= np.linalg.norm(self._largest[members]):
+            if np.linalg.norm(now) >= size:
                 self._largest[members] = now
-            error = share * (self._largest[members] - now)
-            covariance[np.ix_(members, members)] = np.outer(error, error)
-        return covariance
+                continue
+            along = largest / size
+            back = (size - float(along @ now)) / (1.0 - share.value)
+            self._taken_out[members] = share.value * back * along
+            covariance[np.ix_(members, members)] = (share.std * back) ** 2 * np.outer(along, along)
+        return since - self._taken_out, covariance

@@ -85,7 +85,7 @@ class Calibration(Entry):
     """Error over deviation of forces at known pulls that no fit used, by condition and section [-]."""
     force_error: dict[str, float] = Field(default_factory=dict)
     """Relative error of forces, beside that deviation, by condition and section [-]."""
-    force_memory: dict[str, float] = Field(default_factory=dict)
+    force_memory: dict[str, Value] = Field(default_factory=dict)
     """Share of a force that the arm remembers once it is over, by section [-]."""
     modulus_scale: dict[Name, Value] = Field(default_factory=dict)
     """Factor on the stiffness of each segment or section, by its name [-]."""

@@ -124,7 +124,7 @@ def track(
         advance: Called with 1 after each sample.
         guide: A fast model with the same loads, at whose answer a search begins that has nothing to go on.
         waypoints: States of the same samples to begin at; filled where it is empty.
-        tared: Samples whose forces count as none afterwards; none where it is left out, shape (samples,).
+        tared: Samples from which the forces afterwards count; none where it is left out, shape (samples,).
     """
     estimator = _estimator(model, specimen, run, guide)
     gravity = np.array(specimen.gravity_m_s2)
@@ -153,9 +153,9 @@ def track(
             estimator.reset()
             estimate = estimator.update(float(time), readings, pressures, gravity)
         in_vain_s = in_vain_s + monotonic() - began if estimate.status == "diverged" else 0.0
-        if tared is not None and tared[index]:
-            moving.forget()
         _put(estimates, index, estimate, *moving.update(float(time), readings, estimate))
+        if tared is not None and tared[index]:
+            moving.tare()
         if not solved:
             lost = estimate.status == "diverged"
             waypoints.solutions.append(None if lost else (estimate.state, estimate.inputs))

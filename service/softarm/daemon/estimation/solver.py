@@ -189,7 +189,7 @@ class Solver:
             self._check.offer(request.time_s, estimate.inputs, estimate.frames)
         if request.tare is not None and not np.array_equal(request.tare, self._tared):
             self._tared = request.tare
-            self._moving.forget()
+            self._moving.tare()
         loads, covariance = self._moving.update(request.time_s, request.readings, estimate)
         hold = self._held(request, estimate)
         contact = self._contact(request, estimate) if request.want_contact else None
