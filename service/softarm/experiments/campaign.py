@@ -44,15 +44,15 @@ NOTES = {
         "Not pressurised: the gauge moves away in about a dozen steps in several directions, estimates while "
         "it rests. Pressurised: pressures ramp up and down in 8 s against the cord, all estimates.",
         "Errors are of the lateral part along the cord; range is that of the gauge in the run. The gauge is "
-        "averaged over the same window as the readings, and each pull is tared by the rest just before it, "
-        "with what the arm remembers of earlier pulls. All else in the standard deviations is of the force "
-        "before that: the tare takes out much of what the model lacks.",
+        "averaged over the same window as the readings, and each pull is tared by the rest just before it. "
+        "Standard deviations are of the force before that: the tare takes out much of what the model lacks.",
     ),
     "beyond": (
         "The calibration has seen pulls at the tip only. Four unknown loads: two lateral forces on either "
         "section, the pull on the tip alone.",
-        "Moving: an estimate knows no history, and while the cord lets go the rubber still holds some of the "
-        "largest force. The calibration measures how much, and the deviation grows by it.",
+        "Moving: while the cord lets go, the rubber remembers a share of the largest force since the tare, "
+        "which the calibration has measured and an estimate leaves out. Few pulls show how much that share "
+        "differs, so that the deviation is rather too large.",
         "Intermediate: pulls on the tip do not show how stiff the sections are, which the fake arm has rigid "
         "and the drawing of rubber; that makes a force there too large.",
     ),

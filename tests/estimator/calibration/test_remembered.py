@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from scipy.special import ndtr, stdtrit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import CalibrationRun
@@ -15,6 +14,7 @@ from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.sensing import ActuationMap, MeasuredPose, SensorSuite
+from softarm.estimator.specimen import Value
 
 NAMES = ("tip_x", "tip_y", "tip_z")
 SUITE = SensorSuite((MeasuredPose("frame_tip", 0, 1e-3, 1e-3),))
@@ -37,24 +37,38 @@ def run_of(pulls: Floats, innovation: Floats, pressure: float = 0.0) -> tuple[No
     return at, by_pull(nodes)
 
 
-def shares(innovation: Floats, pressure: float = 0.0) -> dict[str, float]:
+def shares(innovation: Floats, pressure: float = 0.0) -> dict[str, Value]:
     at, nodes = run_of(PULLS, innovation, pressure)
     return remembered_shares(SETTING, [at], [nodes], {})
 
 
-def test_a_change_between_slack_and_slack_is_a_share_of_the_largest_pull() -> None:
-    """The share widens by Student's t, since three pulls show little of how pulls differ."""
+def kept_of(each: list[float]) -> Floats:
+    """Return innovations of which a share of each pull is left once it is over, shape (nodes, 6)."""
     slack = ~PULLS.any(axis=1)
-    after = np.cumsum(slack) - 1  # pulls that are over, at a slack node
-    kept = 0.02 * 0.5 * np.outer(after * slack, TO_FORCES @ [0.6, 0.8, 0.0])
-    few = stdtrit(3, ndtr(2.0)) / 2.0
-    assert shares(kept) == {"tip": pytest.approx(0.02 * few)}
+    over = np.cumsum(slack) - 1  # pulls that are over, at a slack node
+    left = 0.5 * np.concatenate([[0.0], np.cumsum(each)])[over] * slack
+    return np.outer(left, TO_FORCES @ [0.6, 0.8, 0.0])
+
+
+def test_a_change_between_slack_and_slack_is_a_share_of_the_largest_pull() -> None:
+    found = shares(kept_of([0.02, 0.02, 0.02]))["tip"]
+    assert found.value == pytest.approx(0.02)
+    assert found.std == pytest.approx(0.0, abs=1e-9)
+
+
+def test_shares_of_further_pulls_lie_within_two_deviations_in_95_of_100_cases() -> None:
+    rng, inside = np.random.default_rng(7), []
+    for _ in range(400):
+        *seen, further = rng.normal(0.02, 0.005, 4).tolist()
+        found = shares(kept_of(seen))["tip"]
+        inside.append(abs(further - found.value) < 2.0 * found.std)
+    assert np.mean(inside) == pytest.approx(0.9545, abs=0.03)
 
 
 def test_what_readings_are_off_by_before_a_pull_and_during_it_is_not_remembered() -> None:
     taut = PULLS.any(axis=1)[:, None]
     found = shares(0.3 * np.ones((len(PULLS), 6)) + 0.1 * taut)
-    assert found == {"tip": pytest.approx(0.0, abs=1e-9)}
+    assert found["tip"].value == pytest.approx(0.0, abs=1e-9)
 
 
 def test_without_a_vented_pull_nothing_is_told() -> None:

@@ -1,10 +1,12 @@
-"""A force that falls is less certain by what the arm remembers of the largest one."""
+"""What an arm remembers of a force is taken out as the force falls, and no other force changes."""
 
 import numpy as np
 import pytest
 
+from softarm.estimator.arrays import Floats
 from softarm.estimator.dynamics.remembered_forces import RememberedForces
 from softarm.estimator.model import Load
+from softarm.estimator.specimen import Value
 
 LOADS = (
     Load("middle_x", "force", (1.0, 0.0, 0.0), "middle"),
@@ -12,7 +14,9 @@ LOADS = (
     Load("tip_y", "force", (0.0, 1.0, 0.0), "tip"),
     Load("tip_torque", "moment", (0.0, 0.0, 1.0), "tip"),
 )
-SHARE = 0.03
+SHARE = Value(value=0.03, std=0.01)
+LARGEST = np.array([0.5, 0.3, 0.4, 0.1])
+SIZE, ALONG = 0.5, np.array([0.6, 0.8])
 
 
 @pytest.fixture
@@ -20,30 +24,54 @@ def remembered() -> RememberedForces:
     return RememberedForces(LOADS, {"tip": SHARE})
 
 
-def test_a_force_that_rises_is_not_widened(remembered: RememberedForces) -> None:
+def taken_for(force: Floats) -> Floats:
+    """Return what an estimate without history takes a force on the tip for, once it was the largest."""
+    tip = force[1:3] + SHARE.value * ALONG * (SIZE - ALONG @ force[1:3])
+    return np.array([force[0], *tip, force[3]])
+
+
+def test_a_force_that_rises_stays_as_it_is(remembered: RememberedForces) -> None:
     for size in np.linspace(0.0, 1.0, 5):
-        assert not remembered.update(size * np.array([0.5, 0.3, 0.4, 0.1])).any()
+        forces, covariance = remembered.update(size * LARGEST)
+        np.testing.assert_array_equal(forces, size * LARGEST)
+        assert not covariance.any()
 
 
-def test_a_force_that_has_gone_leaves_its_share_behind_in_its_own_direction(
-    remembered: RememberedForces,
-) -> None:
-    largest = np.array([0.5, 0.3, 0.4, 0.1])
-    remembered.update(largest)
-    covariance = remembered.update(np.zeros(4))
-    left = SHARE * largest[1:3]
-    np.testing.assert_allclose(covariance[1:3, 1:3], np.outer(left, left))
+@pytest.mark.parametrize("share", [0.7, 0.2, 0.0])
+def test_a_force_that_falls_is_found_again(remembered: RememberedForces, share: float) -> None:
+    remembered.update(LARGEST)
+    forces, covariance = remembered.update(taken_for(share * LARGEST))
+    np.testing.assert_allclose(forces, share * LARGEST, atol=1e-12)
+    spread = SHARE.std * (1.0 - share) * SIZE * ALONG
+    np.testing.assert_allclose(covariance[1:3, 1:3], np.outer(spread, spread), atol=1e-12)
     covariance[1:3, 1:3] = 0.0
     assert not covariance.any()  # nothing is known of other sections, nor of moments
 
 
-def test_what_is_remembered_grows_as_the_force_falls(remembered: RememberedForces) -> None:
-    variances = [remembered.update(np.array([0.0, force, 0.0, 0.0]))[1, 1] for force in (1.0, 0.8, 0.4, 0.0)]
-    assert (np.diff(variances) > 0.0).all()
+def test_a_force_across_the_largest_one_stays_as_it_is(remembered: RememberedForces) -> None:
+    remembered.update(LARGEST)
+    across = np.array([0.0, -0.8, 0.6, 0.0])
+    left = remembered.update(np.zeros(4))[0]
+    np.testing.assert_allclose(remembered.update(0.2 * across)[0] - left, 0.2 * across, atol=1e-12)
 
 
-def test_a_lost_estimate_and_a_tare_leave_nothing_of_the_past(remembered: RememberedForces) -> None:
-    remembered.update(np.array([0.0, 1.0, 0.0, 0.0]))
-    assert not remembered.update(np.full(4, np.nan)).any()
+def test_a_tare_keeps_out_what_was_remembered_and_begins_anew(remembered: RememberedForces) -> None:
+    """Who tares at a force finds the same force afterwards, and as certain as at first."""
+    remembered.update(LARGEST)
+    readings = taken_for(0.2 * LARGEST)
+    tare, _ = remembered.update(readings)
+    remembered.tare()
+    forces, covariance = remembered.update(readings)
+    np.testing.assert_allclose(forces, tare)
+    assert not covariance.any()
+
+
+def test_a_reset_leaves_nothing_of_the_past_and_a_lost_estimate_all(
+    remembered: RememberedForces,
+) -> None:
+    remembered.update(LARGEST)
+    remembered.update(np.full(4, np.nan))
+    assert remembered.update(np.zeros(4))[0].any()
+    remembered.tare()
     remembered.reset()
-    assert not remembered.update(np.zeros(4)).any()
+    assert not remembered.update(np.zeros(4))[0].any()

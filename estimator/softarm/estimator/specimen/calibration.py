@@ -86,7 +86,7 @@ class Calibration(Entry):
     force_error: dict[str, float] = Field(default_factory=dict)
     """Relative error of forces, beside that deviation, by condition and section [-]."""
     force_memory: dict[str, Value] = Field(default_factory=dict)
-    """Share of a force that the arm remembers once it is over, by section [-]."""
+    """Share of a force that the readings still show once it is over, by section [-]."""
     modulus_scale: dict[Name, Value] = Field(default_factory=dict)
     """Factor on the stiffness of each segment or section, by its name [-]."""
     fibre_scale: Value = UNIT
