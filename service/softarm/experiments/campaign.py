@@ -50,9 +50,9 @@ NOTES = {
     "beyond": (
         "The calibration has seen pulls at the tip only. Four unknown loads: two lateral forces on either "
         "section, the pull on the tip alone.",
-        "Moving: while the cord lets go, the rubber remembers a share of the largest force since the tare, "
-        "which the calibration has measured and an estimate leaves out. Few pulls show how much that share "
-        "differs, so that the deviation is rather too large.",
+        "Moving: while the cord lets the vented arm go, the rubber remembers a share of the largest force "
+        "since the tare, which the calibration has measured and an estimate leaves out. Few pulls show how "
+        "much that share differs, so that the deviation is rather too large.",
         "Intermediate: pulls on the tip do not show how stiff the sections are, which the fake arm has rigid "
         "and the drawing of rubber; that makes a force there too large.",
     ),

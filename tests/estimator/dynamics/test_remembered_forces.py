@@ -75,3 +75,12 @@ def test_a_reset_leaves_nothing_of_the_past_and_a_lost_estimate_all(
     remembered.tare()
     remembered.reset()
     assert not remembered.update(np.zeros(4))[0].any()
+
+
+def test_under_pressure_the_history_of_the_forces_says_nothing(remembered: RememberedForces) -> None:
+    remembered.update(LARGEST)
+    falling = 0.2 * LARGEST
+    for pressurised in (True, False):
+        forces, covariance = remembered.update(falling, pressurised=pressurised)
+        np.testing.assert_array_equal(forces, falling)
+        assert not covariance.any()

@@ -12,6 +12,7 @@ from softarm.estimator.dynamics.remembered_forces import RememberedForces
 from softarm.estimator.inverse import ArmEstimate
 from softarm.estimator.model import Load
 from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.sensing.model_error import vented
 from softarm.estimator.simulation.inertia import Masses
 from softarm.estimator.simulation.segments import Neighbours, neighbours_of
 from softarm.estimator.specimen import Specimen, Value
@@ -87,7 +88,8 @@ class MovingForces:
         forces, covariance = self._without_inertia(time, readings, estimate)
         if estimate.status == "diverged":
             return forces, covariance
-        forces, remembered = self._remembered.update(forces)
+        pressurised = not vented(estimate.measured_pressures)
+        forces, remembered = self._remembered.update(forces, pressurised=pressurised)
         return forces, covariance + remembered
 
     def _without_inertia(

@@ -8,6 +8,7 @@ the largest force so far, u its direction and m the share that is remembered, it
     f + m u (|F| - u . f).
 
 A tare begins a new history: forces count from there, and what is remembered of those before stays taken out.
+Under pressure there is none: the arm is strained by more than forces.
 """
 
 from collections.abc import Mapping, Sequence
@@ -48,17 +49,21 @@ class RememberedForces:
         for array in (self._largest, self._taken_out):
             array[:] = 0.0
 
-    def update(self, forces: Floats) -> tuple[Floats, Floats]:
+    def update(self, forces: Floats, *, pressurised: bool = False) -> tuple[Floats, Floats]:
         """Return the forces without what is remembered, and the covariance of that.
 
         Args:
             forces: Amplitudes of the loads at the next instant, shape (loads,).
+            pressurised: Whether pressures strain the arm, so that its history is not that of the forces.
 
         Returns:
             Shapes (loads,) and (loads, loads).
         """
         since, covariance = forces - self._before_tare, np.zeros((len(forces), len(forces)))
         self._taken_out[:] = 0.0
+        if pressurised:
+            self._largest[:] = 0.0
+            return since, covariance
         for members, share in self._groups:
             now, largest = since[members], self._largest[members]
             size = float(np.linalg.norm(largest))
