@@ -286,6 +286,11 @@ def test_an_effect_on_the_stiffness_begins_at_the_size_that_explains_most(librar
     assert found[0][2].tolist() == [2.0 * typical]
 
 
+def test_effects_detune_an_arm_if_they_change_its_stiffness_or_what_it_stands_on():
+    detuning = {name for name, effect in EFFECTS.items() if effect.detunes}
+    assert detuning == {"segment_stiffness", "thermal_drift", "base_compliance"}
+
+
 def test_sizes_are_tried_within_bounds_and_leave_shapes_alone():
     parameters = EFFECTS["thermal_drift"].parameters
     change, time = (one.typical for one in parameters)

@@ -54,8 +54,8 @@ DELAY_SHARE = 0.05
 """Share of the gain of an effect on the vibration below which a delay is its consequence."""
 TINY = 1e-12
 """Least weighted squares of a change."""
-SIZES = (-2.0, -1.0, 1.0, 2.0)
-"""Sizes, in typical ones, at which effects on the stiffness are tried: a fit finds the way between them."""
+SIZES = (-2.0, -1.0, 1.0, 2.0, 4.0, 8.0)
+"""Sizes, in typical ones, at which effects that detune the arm are tried: a fit finds those between."""
 EXACT_STEPS = 6
 """Steps tried by a fit on the model itself."""
 RESOLVED = 4
@@ -140,16 +140,16 @@ class Search:
     def at_size(
         self, ranked: Sequence[tuple[int, float, Floats]], problem: MarginalisedProblem
     ) -> list[tuple[int, float, Floats]]:
-        """Rank effects on the stiffness by what they explain at some size, and begin their fits there.
+        """Rank effects that detune the arm by what they explain at some size, and begin their fits there.
 
-        A stiffer arm vibrates faster. What that changes is soon out of step, so that a slope at zero says
-        little of a large change, even of what it does at rest.
+        A stiffer arm vibrates faster, and one on a compliant base slower. What that changes is soon out of
+        step, so that a slope at zero says little of a large change, even of what it does at rest.
         """
         placed = []
         for number, score, theta in ranked:
             hypothesis = self.evidence.library.hypotheses[number]
             best = score, theta
-            if hypothesis.effect.stiffness is not None:
+            if hypothesis.effect.detunes:
                 for start in sizes_of(hypothesis.effect.parameters, theta):
                     gain = gain_of(problem, (hypothesis,), (start,), exact=False)
                     best = max(best, (gain - self.bic_penalty * len(start), start), key=lambda one: one[0])

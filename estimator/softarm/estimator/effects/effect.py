@@ -260,6 +260,11 @@ class Effect:
         return np.array([parameter.typical for parameter in self.parameters])
 
     @property
+    def detunes(self) -> bool:
+        """Whether it changes how stiff the vibrating arm, or what it stands on, is."""
+        return self.stiffness is not None or self.modal(self.typical).base_compliance > 0.0
+
+    @property
     def neutral(self) -> Floats:
         """Parameters with which it does nothing, shape (parameters,)."""
         return np.array([0.0 if p.role == "amplitude" else p.typical for p in self.parameters])
