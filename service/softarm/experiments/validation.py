@@ -12,6 +12,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel, BatchInputs
 from softarm.estimator.sensing import MeasuredPose, SensorSuite
+from softarm.estimator.sensing.model_error import widened
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.stretch import StretchLaw
 from softarm.experiments.figures import Cells, error_figures, inside, with_paper, without_unit
@@ -105,18 +106,10 @@ def pose_deviation(specimen: Specimen, suite: SensorSuite) -> Floats:
 
     It joins the sensors' noise and the scatter of the calibration on blocks that it had not seen.
     """
-    scatter = specimen.calibration.scatter
     spread = np.empty(suite.size)
-    for sensor in suite.measurements:
-        std = np.sqrt(np.diag(sensor.covariance(np.zeros(sensor.reading_size))))
-        if isinstance(sensor, MeasuredPose):
-            rotation = scatter.get(f"{sensor.name} rotation", 0.0)
-            torsion = scatter.get(f"{sensor.name} torsion", rotation)
-            spread_of_model = [scatter.get(f"{sensor.name} position", 0.0)] * 3 + [rotation] * 2 + [torsion]
-            std = np.hypot(std, spread_of_model)
-        else:
-            std = np.hypot(std, scatter.get(sensor.name, 0.0))
-        spread[suite.slices[sensor.name]] = std
+    for sensor in widened(suite, specimen.calibration.scatter).measurements:
+        variances = np.diag(sensor.covariance(np.zeros(sensor.reading_size)))
+        spread[suite.slices[sensor.name]] = np.sqrt(variances)
     return spread
 
 

@@ -19,13 +19,14 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.special import ndtr, stdtrit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.forward import NodePredictions
+from softarm.estimator.calibration.load_equations import load_equations, load_readings
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.setting import Setting
+from softarm.estimator.calibration.significance import student_factor
 from softarm.estimator.sensing.model_error import (
     ON,
     PRESSURISED_PULLS,
@@ -33,7 +34,6 @@ from softarm.estimator.sensing.model_error import (
     Condition,
     ModelError,
     vented,
-    widened,
 )
 
 LATERAL = 2  # components of a pull that are estimated, along x and y
@@ -150,7 +150,7 @@ def _relative_error(pulls: Sequence[_Pull]) -> float:
 
 def _widened(mean_square: float, pulls: Sequence[_Pull]) -> float:
     """Return the root mean square over pulls, of which each has two components, by Student's t."""
-    return float(np.sqrt(mean_square) * stdtrit(LATERAL * len(pulls), ndtr(2.0)) / 2.0)
+    return float(np.sqrt(mean_square)) * student_factor(LATERAL * len(pulls))
 
 
 def _ratio(pulls: Sequence[_Pull], section: str) -> float:
@@ -167,28 +167,16 @@ def _ratio(pulls: Sequence[_Pull], section: str) -> float:
 
 def _pull(setting: Setting, at: NodePredictions, run_nodes: Nodes, condition: Condition) -> list[_Pull]:
     """Return one pull, without the nodes at which no reading shows it or only the axis is pulled; or none."""
-    suite = widened(setting.aligned(run_nodes.run.suite), condition.scatter)
-    twists = np.nan_to_num(suite.sensitivity(at.frames, run_nodes.readings).twists)
-    to_pressures, to_loads = twists @ at.response.pressure_jacobian, twists @ at.response.load_jacobian
-    noise = suite.covariance(at.frames, run_nodes.readings, twists)
-    noise = noise + to_pressures @ np.diag(setting.actuation.chamber_sigma**2) @ np.swapaxes(
-        to_pressures, 1, 2
-    )
+    to_loads, noise = load_readings(setting, at, run_nodes, condition.scatter)
     pulled = setting.pulls(run_nodes.loads)
     # Three components a section: that of the largest is the section pulled on.
     first = int(np.argmax(np.abs(pulled).max(axis=0))) // PULLED * PULLED
     axial = first + LATERAL
     # The estimate has no axial load: what the prediction owes to that component is missing from it.
     missed = at.innovation + to_loads[:, :, axial] * pulled[:, axial, None]
-    observed = np.isfinite(missed)
-    noise = np.where(observed[:, :, None] & observed[:, None, :], noise, np.eye(noise.shape[1]))
-    rows = to_loads * observed[:, :, None]
-    weighed = np.linalg.solve(
-        noise, np.concatenate([rows, np.where(observed, missed, 0.0)[:, :, None]], axis=2)
-    )
-    matched = np.swapaxes(rows, 1, 2) @ weighed
+    information, innovation = load_equations(to_loads, noise, missed)
     there = slice(first, axial)
-    shown = np.linalg.matrix_rank(matched[:, there, there]) == LATERAL
+    shown = np.linalg.matrix_rank(information[:, there, there]) == LATERAL
     shown &= np.linalg.norm(pulled[:, there], axis=1) > LEAST_PULL
     if not shown.any():
         return []
@@ -199,8 +187,8 @@ def _pull(setting: Setting, at: NodePredictions, run_nodes: Nodes, condition: Co
             names[first // PULLED],
             names,
             np.stack([np.stack([x, -y], axis=1), np.stack([y, x], axis=1)], axis=1),
-            matched[shown, :, :-1],
-            matched[shown, :, -1],
+            information[shown],
+            innovation[shown],
             run_nodes.weights[shown],
         )
     ]

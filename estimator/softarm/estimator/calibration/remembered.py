@@ -9,15 +9,15 @@ what is remembered.
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.special import ndtr, stdtrit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.force_accuracy import LATERAL, PULLED
 from softarm.estimator.calibration.forward import NodePredictions
+from softarm.estimator.calibration.load_equations import load_equations, load_readings
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.setting import Setting
-from softarm.estimator.calibration.taken_for_force import taken_for_force
+from softarm.estimator.calibration.significance import student_factor
 from softarm.estimator.sensing.model_error import ModelError, vented
 from softarm.estimator.specimen import Value
 
@@ -58,9 +58,11 @@ def remembered_shares(
             lateral = pull[first : first + LATERAL]
             change = at.innovation[[after[0]]] - at.innovation[[before[-1]]]
             node = np.arange(len(run_nodes.time)) == after[0]
-            loads = slice(first, first + LATERAL)
-            wrong = taken_for_force(setting, at.keep(node), run_nodes.keep(node), known, loads, change)[0][0]
-            if np.isfinite(wrong).all() and np.linalg.norm(lateral) > LEAST_PULL:
+            to_loads, noise = load_readings(setting, at.keep(node), run_nodes.keep(node), known)
+            there = to_loads[:, :, first : first + LATERAL]
+            (information,), (right,) = load_equations(there, noise, change)
+            if np.linalg.matrix_rank(information) == LATERAL and np.linalg.norm(lateral) > LEAST_PULL:
+                wrong = np.linalg.solve(information, right)
                 section = run_nodes.run.load_names[first].rpartition("_")[0]
                 share = float(wrong @ lateral / (lateral @ lateral))
                 shares.setdefault(section, []).append(share)
@@ -72,5 +74,5 @@ def _of_further_pulls(shares: Floats) -> Value:
     count, mean = len(shares), float(shares.mean())
     if count == 1:
         return Value(value=mean, std=abs(mean))
-    spread = shares.std(ddof=1) * np.sqrt(1.0 + 1.0 / count) * stdtrit(count - 1, ndtr(2.0)) / 2.0
-    return Value(value=mean, std=float(spread))
+    spread = float(shares.std(ddof=1) * np.sqrt(1.0 + 1.0 / count)) * student_factor(count - 1)
+    return Value(value=mean, std=spread)

@@ -1,7 +1,7 @@
 """When one scatter is significantly larger than another."""
 
 import numpy as np
-from scipy.special import fdtri
+from scipy.special import fdtri, ndtr, stdtrit
 
 SIGNIFICANCE = 0.01
 """Largest probability that a scatter passes its limit by chance."""
@@ -21,3 +21,12 @@ def scatter_limit(freedom: float, reference: float, significance: float = SIGNIF
     """
     ratio = fdtri(max(freedom, 1.0), max(reference, 1.0), 1.0 - significance)
     return max(float(np.sqrt(ratio)), LEAST_RATIO)
+
+
+def student_factor(freedom: float) -> float:
+    """Return the factor on a deviation known from few samples, of which twice holds 95 % by Student's t.
+
+    Args:
+        freedom: Degrees of freedom of the samples.
+    """
+    return float(stdtrit(freedom, ndtr(2.0))) / 2.0

@@ -96,28 +96,28 @@ class Vibrations:
             other = other.stiffer(segments, stiffness)
         return change + other.lag(self.still + change) - self._usual_lag
 
-    def rocked(self, turn: Floats, compliance: float, masses: Floats) -> tuple[Floats, Floats]:
+    def rocked(self, rotation: Floats, compliance: float, masses: Floats) -> tuple[Floats, Floats]:
         """Return what a compliant base changes while the arm vibrates.
 
         Args:
-            turn: How the base turns at rest [rad], shape (samples, 3).
+            rotation: Of the base at rest [rad], shape (samples, 3).
             compliance: Of the base [rad/(N m)].
             masses: Gathered at the sections' origins [kg], shape (sections,).
 
         Returns:
-            What it changes of the strains, shape (samples, strains), and how the base turns [rad], shape
-            (samples, 3).
+            What it changes of the strains, shape (samples, strains), and the rotation of the base [rad],
+            shape (samples, 3).
         """
         gravity, places = self.resting.drive.gravity, self.resting.baseline.frames.positions
         axes = np.eye(3)[:2]
         by_gravity = self.strains_by_drive["gravity"]
-        turned = np.stack([_applied(by_gravity, -np.cross(axis, gravity)) for axis in axes], axis=-1)
+        by_rotation = np.stack([_applied(by_gravity, -np.cross(axis, gravity)) for axis in axes], axis=-1)
         levers = np.einsum("k,tki->ti", masses, places)
         weights = np.einsum("ti,ti->t", levers, gravity)[:, None, None] * np.eye(3)
         restoring = (weights - levers[:, :, None] * gravity[:, None, :])[:, :2, :2]
         restoring = 0.5 * (restoring + np.swapaxes(restoring, 1, 2))
-        still = np.concatenate([self.still + _applied(turned, turn[:, :2]), turn[:, :2]], axis=1)
-        arm = self.arm.on_a_base(compliance, turned, restoring)
+        still = np.concatenate([self.still + _applied(by_rotation, rotation[:, :2]), rotation[:, :2]], axis=1)
+        arm = self.arm.on_a_base(compliance, by_rotation, restoring)
         upright = bool((np.linalg.eigvalsh(arm.dynamics.stiffness)[:, 0] > 0.0).all())
         moved = still + arm.lag(still) if upright else still  # it would fall over, and not vibrate
         strains, rocking = np.split(moved, [self.still.shape[1]], axis=1)
@@ -434,8 +434,8 @@ class Stage:
         """Return what a compliant base changes while the arm vibrates on it, shape (samples, rows)."""
         assert self.vibrations is not None
         resting = self.vibrations.resting
-        turn, _ = placed.change(signals_of(resting.drive, self.world, resting.baseline))
-        strains, rocking = self.vibrations.rocked(np.nan_to_num(turn), compliance, self.world.masses)
+        rotation, _ = placed.change(signals_of(resting.drive, self.world, resting.baseline))
+        strains, rocking = self.vibrations.rocked(np.nan_to_num(rotation), compliance, self.world.masses)
         rotated = placed.apply(self.drive, rocking)
         usual = replace(self.drive, base_rotation=self._usual(rotated, (placed,)))
         rigid = self.arm.rigid(rotated) - self.arm.rigid(usual)

@@ -76,7 +76,7 @@ class Valve:
     Args:
         chamber: Index.
         timing: How it answers changes.
-        timed: Whether that can be told.
+        timed: Whether that is known.
         law: What it settles at.
         rms: Root mean square of measured minus asked [Pa].
         noise: Standard deviation of the reading in holds [Pa].

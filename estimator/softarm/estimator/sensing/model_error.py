@@ -137,7 +137,7 @@ def _widened(sensor: Measurement, scatter: Mapping[str, float]) -> Measurement:
 
     def rotated(own: float | Floats, name: str) -> Floats:
         tilt = f"{name} rotation"
-        torsion = f"{name} torsion"  # which earlier calibrations did not tell apart
+        torsion = f"{name} torsion"  # part of the rotation in earlier calibrations
         both = [joined(own, tilt), joined(own, torsion if torsion in scatter else tilt)]
         return np.asarray(np.where([True, True, False], *both), dtype=np.float64)
 

@@ -7,8 +7,8 @@ with a sixth of its mass at either end and the rest at the middle of its arc (Si
 D = a M + b K (J. W. Strutt, The Theory of Sound, 1877). Steps in time are those of N. M. Newmark (J. Eng.
 Mech. Div. ASCE 85, 1959) with constant average acceleration, which neither damp nor diverge.
 
-On a compliant base the turns r of the base about x and y are two more coordinates. With C the compliance, G
-what a turn changes of q_s, since gravity turns in the base frame, and k the moment of the weights about the
+On a compliant base its rotations r about x and y are two more coordinates. With C the compliance, G what a
+rotation changes of q_s, since gravity turns in the base frame, and k the moment of the weights about the
 base by r at constant strains, the potential is
 
     V = (q - q_s)^T K (q - q_s) / 2 - (q - q_s)^T K G r + r^T (1 / C + k) r / 2.
@@ -26,6 +26,7 @@ from scipy.linalg import eigh
 from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
+from softarm.estimator.sensing.measurement import rigid_motion
 from softarm.estimator.simulation.segments import Neighbours, Segments
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.vectors import cross
@@ -75,8 +76,8 @@ class StrainDynamics:
         stable: Samples at a stable equilibrium, shape (samples,); the others have typical matrices.
         drag: Damping beside that in proportion to M and K, of the same shape; ``None`` for none.
         damped: K in proportion to which it damps, of the same shape; ``None`` for that of ``stiffness``.
-        rocking: Columns of the mass matrix for turns of the base about x and y, behind those of the strains,
-            shape (samples, strains + 2, 2); ``None`` where they are not known.
+        rocking: Columns of the mass matrix for rotations of the base about x and y, behind those of the
+            strains, shape (samples, strains + 2, 2); ``None`` where they are not known.
     """
 
     stiffness: Floats
@@ -154,17 +155,17 @@ class StrainDynamics:
         more = (factor - 1.0)[:, None, None] * self.stiffness * np.outer(strains, strains)
         return replace(self, stiffness=self.stiffness + more, damped=self.damped_stiffness)
 
-    def on_a_base(self, compliance: float, turned: Floats, restoring: Floats) -> "StrainDynamics":
-        """Return the matrices of an arm on a compliant base, whose turns are two more coordinates.
+    def on_a_base(self, compliance: float, by_rotation: Floats, restoring: Floats) -> "StrainDynamics":
+        """Return the matrices of an arm on a compliant base, whose rotations are two more coordinates.
 
         Args:
             compliance: C, positive [rad/(N m)].
-            turned: G, shape (samples, strains, 2).
+            by_rotation: G, shape (samples, strains, 2).
             restoring: k [N m/rad], shape (samples, 2, 2).
         """
         assert self.rocking is not None
         size = self.mass.shape[-1]
-        coupling = -self.stiffness @ turned
+        coupling = -self.stiffness @ by_rotation
         base = np.eye(2) / compliance + restoring
         stiffness = _bordered(self.stiffness, coupling, base)
         mass = _bordered(self.mass, self.rocking[:, :size], self.rocking[:, size:])
@@ -253,9 +254,9 @@ class VibratingArm:
         """Return it with more inertia and damping of some strains; see ``StrainDynamics.slower``."""
         return replace(self, dynamics=self.dynamics.slower(strains, inertia_time, damping_time))
 
-    def on_a_base(self, compliance: float, turned: Floats, restoring: Floats) -> "VibratingArm":
+    def on_a_base(self, compliance: float, by_rotation: Floats, restoring: Floats) -> "VibratingArm":
         """Return it on a compliant base; see ``StrainDynamics.on_a_base``."""
-        return replace(self, dynamics=self.dynamics.on_a_base(compliance, turned, restoring))
+        return replace(self, dynamics=self.dynamics.on_a_base(compliance, by_rotation, restoring))
 
     def stiffer(self, strains: Flags, factor: Floats) -> "VibratingArm":
         """Return it with another stiffness of some strains; see ``StrainDynamics.stiffer``."""
@@ -317,21 +318,19 @@ def mass_matrix(frames: Frames, neighbours: Neighbours, masses: Masses, twists: 
 
 
 def _mass_on_a_base(frames: Frames, neighbours: Neighbours, masses: Masses, twists: Floats) -> Floats:
-    """Return the mass matrix with turns of the base about x and y as two more coordinates; see above."""
+    """Return the mass matrix with rotations of the base about x and y as two more coordinates."""
     samples, sections = frames.positions.shape[:2]
     size = twists.shape[-1]
     positions = np.concatenate([frames.positions, np.zeros((samples, 1, 3))], axis=1)
+    rotations = np.concatenate([frames.rotations, np.broadcast_to(np.eye(3), (samples, 1, 3, 3))], axis=1)
+    based = Frames(positions, rotations)
     whole = np.zeros((samples, sections + 1, 6, size + 2))
     whole[:, :sections, :, :size] = twists
-    for axis in range(2):
-        turn = np.eye(3)[axis]
-        whole[:, :, :3, size + axis] = np.cross(turn, positions)
-        whole[:, :, 3:, size + axis] = turn
-    rotations = np.concatenate([frames.rotations, np.broadcast_to(np.eye(3), (samples, 1, 3, 3))], axis=1)
+    whole[..., size:] = rigid_motion(based).reshape(samples, sections + 1, 6, 6)[..., 3:5]
     above, below = np.array(neighbours).reshape(-1, 2).T
     held = tuple(zip(np.where(above < 0, sections, above).tolist(), below.tolist(), strict=True))
     heavy = replace(masses, sections=np.append(masses.sections, 0.0))
-    return mass_matrix(Frames(positions, rotations), held, heavy, whole)
+    return mass_matrix(based, held, heavy, whole)
 
 
 def _bordered(matrix: Floats, sides: Floats, corner: Floats) -> Floats:

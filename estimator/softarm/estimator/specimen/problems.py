@@ -94,7 +94,7 @@ def _problems(entry: dict[str, Any], model: type[BaseModel]) -> Iterator[Inconsi
     elif kind in ("too_short", "too_long"):
         few = kind == "too_short"
         bound = f"at least {context['min_length']}" if few else f"at most {context['max_length']}"
-        cure = "add what is missing" if few else "remove what is too much"
+        cure = "add the missing values" if few else "remove the surplus values"
         yield Inconsistency(path, f"holds {context['actual_length']} where it takes {bound}", cure)
     elif kind == "misfit":
         yield Inconsistency(path, context["what"], context["cure"])
