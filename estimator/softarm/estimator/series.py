@@ -43,6 +43,18 @@ def nearest(wanted: Floats, time: Floats, values: Floats, reach: float) -> Float
     return np.where(np.abs(time[closer] - wanted) <= reach, values[closer], np.nan)
 
 
+def delayed(time: Floats, values: Floats, lag: float) -> Floats:
+    """Return columns as they were some time before, NaN beyond the ends, shape (samples, columns).
+
+    Args:
+        time: [s], shape (samples,).
+        values: Shape (samples, columns).
+        lag: How long before [s]; negative for later.
+    """
+    reach = float(np.median(np.diff(time)))
+    return np.column_stack([nearest(time - lag, time, column, reach) for column in values.T])
+
+
 def window_means(values: Floats, windows: Indices, count: int) -> Floats:
     """Average the readings of each window, NaN where there is none, shape (windows, columns).
 

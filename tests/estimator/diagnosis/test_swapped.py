@@ -71,6 +71,13 @@ def test_chambers_that_move_alike_are_not_called_exchanged(columns: dict[str, np
     _check(alike)
 
 
+def test_exchanged_bends_are_refused_though_one_of_them_is_late(columns: dict[str, np.ndarray]) -> None:
+    exchanged = _exchange(columns, "bend_tip", "bend_intermediate")
+    late = {name: np.roll(v, 80) if name.startswith("bend_tip") else v for name, v in exchanged.items()}
+    with pytest.raises(InputError, match="bend_intermediate and bend_tip look exchanged"):
+        _check(late)
+
+
 @pytest.mark.filterwarnings("error")
 def test_set_points_of_which_none_was_read_say_nothing(columns: dict[str, np.ndarray]) -> None:
     lost = {name: np.full_like(v, np.nan) for name, v in columns.items() if name.startswith("pressure_cmd")}

@@ -134,3 +134,33 @@ def test_missing_rows_hide_no_axis_that_stands_still(bends: Recording, since: fl
     _, (fault,) = mend_still(_held(bends, held, 0.0, noise=2e-3).window(kept), SPECIMEN)
     assert "bend_tip stands still at 5.7 and -11.5 degrees" in fault.statement
     assert fault.interval == pytest.approx((0.0, bends.time[-1]), abs=1.0)
+
+
+def _held_poses(lags: Mapping[str, float]) -> Recording:
+    """Step through poses, each held for 4.5 s; bends follow their chambers, each with a lag [s]."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 60.0, 0.02)
+    levels = rng.uniform(0.0, 45e3, (14, 6))
+    columns = {f"pressure_{k}_pa": levels[(time // 4.5).astype(int), k] for k in range(6)}
+    for first, (section, lag) in zip((0, 3), lags.items(), strict=True):
+        own = levels[np.clip(((time - lag) // 4.5).astype(int), 0, 13), first : first + 3]
+        for axis, gains in (("x", [1.0, -0.5, -0.5]), ("y", [0.0, 0.87, -0.87])):
+            noise = rng.normal(0.0, 5e-4, len(time))
+            columns[f"bend_{section}_{axis}_rad"] = 1e-5 * own @ gains + noise
+    return Recording("run", time, columns)
+
+
+@pytest.mark.parametrize("lag", [0.9, -0.9])
+def test_a_bend_that_lags_behind_its_pressures_does_not_stand_still(lag: float) -> None:
+    for other in (0.0, lag):
+        _, faults = mend_still(_held_poses({"intermediate": other, "tip": lag}), SPECIMEN)
+        assert not faults
+
+
+def test_a_bend_that_lags_and_stops_stands_still() -> None:
+    late = _held_poses({"intermediate": 0.9, "tip": 0.9})
+    held = {f"bend_tip_{axis}_rad": 0.6 for axis in "xy"}
+    _, (fault,) = mend_still(_held(late, held, since=FROM, noise=5e-4), SPECIMEN)
+    assert fault.columns == ("bend_tip",)
+    assert fault.interval is not None
+    assert fault.interval[0] == pytest.approx(FROM, abs=0.5)

@@ -9,6 +9,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import delayed
 from softarm.estimator.specimen import Specimen
 
 CLEARLY = 0.35
@@ -20,6 +21,8 @@ FOLLOWS = 0.9
 """Correlation from which a pressure follows a set-point."""
 MOVED = 500.0
 """Spread of a pressure [Pa] from which it counts as moved."""
+LAGS = np.arange(-2.5, 2.75, 0.25)
+"""Lags of a bend behind the pressures [s] that are tried, since an exchanged sensor may be late besides."""
 OTHER = 0.25
 """What another segment's chambers leave of a bend over what its own leave, below which it is the other's; the
 same of a pressure and set-points."""
@@ -95,11 +98,19 @@ def _swapped_bends(recording: Recording, specimen: Specimen) -> str:
 
 
 def _unexplained(recording: Recording, section: str, chambers: Sequence[int]) -> float:
-    """Return the share of a bend's variance that some chambers' pressures leave."""
+    """Return the share of a bend's variance that some chambers' pressures leave at the best lag."""
     bend = recording.bend(section)
     pressures = np.column_stack([recording.pressure(k)[0] for k in chambers])
+    if len(recording.time) < 2:
+        return 1.0
+    return min(_left(bend, delayed(recording.time, pressures, lag)) for lag in LAGS)
+
+
+def _left(bend: Floats, pressures: Floats) -> float:
+    """Return the share of a bend's variance that a linear regression on pressures leaves."""
+    chambers = pressures.shape[1]
     observed = np.isfinite(bend).all(axis=1) & np.isfinite(pressures).all(axis=1)
-    if observed.sum() < 10 * len(chambers):
+    if observed.sum() < 10 * chambers:
         return 1.0
     bend, pressures = (
         bend[observed] - bend[observed].mean(axis=0),

@@ -4,6 +4,8 @@ A sensor that lives shows noise. Where one repeats a number for seconds although
 times, or another one shows noise meanwhile, it stands still. Where it goes on showing noise, what it should
 see decides: chambers bend a section towards their azimuths a_k, so the drive v = sum_k p_k (cos a_k, sin a_k)
 becomes a bend B v, with B a gain times a rotation or a reflection. Each axis tells what the other should see.
+Where a bend lags or its clock is shifted, the drive at the lag that explains it best counts; at another
+one it would seem to stand still in every pose that is held for hardly longer than that lag.
 A body that hangs below one that moves cannot stand still, nor can a marker whose distances from the others of
 its body change.
 """
@@ -22,7 +24,7 @@ from softarm.estimator.intake.labels import MISFIT, PLACED
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.intake.streams import QUIET, SPREAD, SampledStream, streams_of
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
-from softarm.estimator.series import window_means
+from softarm.estimator.series import delayed, window_means
 from softarm.estimator.specimen import Specimen
 
 WINDOW = 0.25
@@ -34,6 +36,8 @@ CLEAR = 10.0
 less."""
 EXPLAINED = 0.6
 """Share of an axis' variance that the drive must explain for its gain to be known."""
+LAGS = np.arange(-2.5, 2.55, 0.05)
+"""Lags of a bend behind its drive [s] that are tried; longer ones leave the gain of no axis known."""
 EXCITED = 0.2
 """Directions in which the drive moves by less than this share of its strongest tell no gain."""
 
@@ -53,6 +57,15 @@ class BendAxes:
     def gains(self) -> list[Floats | None]:
         """Fit each axis' row of B [rad/Pa], shape (2,); ``None`` where v does not explain the axis."""
         return [_gain(self.drive, values) for values in self.values.T]
+
+    def unexplained(self) -> float:
+        """Return the share of the variance of both axes that v leaves."""
+        seen = np.isfinite(self.values).all(axis=1) & np.isfinite(self.drive).all(axis=1)
+        if seen.sum() < 5:
+            return 1.0
+        causes, effects = (part[seen] - part[seen].mean(axis=0) for part in (self.drive, self.values))
+        left = effects - causes @ np.linalg.lstsq(causes, effects, rcond=None)[0]
+        return float((left**2).sum() / max((effects**2).sum(), 1e-30))
 
     def without(self, during: slice) -> "BendAxes":
         """Lose the readings of some windows."""
@@ -284,18 +297,30 @@ def _unmoved(recording: Recording, specimen: Specimen) -> list[Still]:
     windows = _windows(recording.time)
     streams = [stream for stream in streams_of(recording, specimen) if stream.kind == "bend"]
     streams = [stream for stream in streams if stream.target not in recording.frames]
-    bends = [
-        BendAxes(
-            window_means(stream.values, windows, int(windows[-1]) + 1),
-            window_means(_drive(recording, specimen, stream.target), windows, int(windows[-1]) + 1),
-        )
-        for stream in streams
-    ]
+    drives = [_drive(recording, specimen, stream.target) for stream in streams]
+
+    def axes(stream: SampledStream, drive: Floats) -> BendAxes:
+        count = int(windows[-1]) + 1
+        return BendAxes(window_means(stream.values, windows, count), window_means(drive, windows, count))
+
+    def lagging(stream: SampledStream, drive: Floats) -> BendAxes:
+        tried = sorted(LAGS, key=abs)
+        every = (axes(stream, delayed(recording.time, drive, lag)) for lag in tried)
+        return min(every, key=BendAxes.unexplained)
+
+    found = _undriven(recording.time, streams, [axes(*one) for one in zip(streams, drives, strict=True)])
+    if not found:
+        return found
+    return _undriven(recording.time, streams, [lagging(*one) for one in zip(streams, drives, strict=True)])
+
+
+def _undriven(time: Floats, streams: Sequence[SampledStream], bends: Sequence[BendAxes]) -> list[Still]:
+    """Find axes that are quiet while their drive should move them."""
     found = []
     for stream, bend in zip(streams, bends, strict=True):
         for axis in (0, 1):
             own = slice(axis, axis + 1)
-            quiet = _quiet(recording.time, stream.values[:, own], bend.values[:, own], QUIET["rad"])
+            quiet = _quiet(time, stream.values[:, own], bend.values[:, own], QUIET["rad"])
             for during, seen in quiet:
                 wanted = bend.wanted(axis, during, bends)
                 if wanted > CLEAR * QUIET["rad"]:
