@@ -1,3 +1,4 @@
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -6,7 +7,7 @@ import pytest
 from softarm.estimator.diagnosis.admit import Admitted
 from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
 from softarm.estimator.diagnosis.valve_verdict import LEFT_OVER, not_compared, valve_diagnosis, with_valves
-from softarm.estimator.diagnosis.valves import ValveLaw, static, valves_of
+from softarm.estimator.diagnosis.valves import ValveLaw, ceilings_of, static, valves_of
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
@@ -142,6 +143,31 @@ def test_a_ceiling_shows_across_recordings_of_one_level_each() -> None:
         given = np.where(asked > 0.0, np.minimum(asked, 30e3), 0.0) + noise
         runs.append(Recording(f"{level:.0f}", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given}))
     assert [f.effect for f in valve_findings(splits_of(runs), [])] == ["pressure_saturation"]
+
+
+def _ramped(hold: float, reached: Callable[[np.ndarray], np.ndarray]) -> Recording:
+    """Ramp a valve up to 40 kPa and to 54 kPa, each held for as long [s], and what it reaches."""
+    times, levels = [0.0], [0.0]
+    while times[-1] < TIME[-1]:
+        for level in (40e3, 54e3):
+            times += [times[-1] + step for step in np.cumsum([3.0, hold, 3.0, 1.0])]
+            levels += [level, level, 0.0, 0.0]
+    asked = np.interp(TIME, times, levels)
+    given = first_order(TIME, reached(asked), 0.05, ())[0]
+    given = given + np.random.default_rng(4).normal(0.0, 30.0, len(TIME))
+    return Recording("ramped", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
+
+
+@pytest.mark.parametrize("hold", [0.7, 2.0])
+def test_a_ceiling_shows_while_one_set_point_above_it_moves(hold: float) -> None:
+    (finding,) = valve_findings(splits_of([_ramped(hold, lambda asked: np.minimum(asked, 44e3))]), [])
+    assert finding.effect == "pressure_saturation"
+    assert finding.parameters["ceiling"].value == pytest.approx(44e3, abs=200.0)
+
+
+@pytest.mark.parametrize("hold", [0.7, 30.0])
+def test_a_lost_gain_is_no_ceiling(hold: float) -> None:
+    assert not ceilings_of([_ramped(hold, lambda asked: 0.88 * asked)])
 
 
 def test_a_valve_that_was_never_held_tells_no_bias() -> None:

@@ -15,6 +15,7 @@ from scipy.optimize import minimize_scalar
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.recording import Recording
+from softarm.estimator.series import runs
 from softarm.estimator.simulation.filters import first_order
 from softarm.estimator.statistics import MAD_TO_STD
 
@@ -105,17 +106,17 @@ def valves_of(recording: Recording, ceilings: Mapping[int, float]) -> tuple[Valv
 
 def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
     """Find the pressures [Pa] that valves do not pass in any of some recordings, by their chambers."""
-    levels: dict[int, list[Floats]] = {}
-    reached: dict[int, list[Floats]] = {}
+    opened: dict[int, list[tuple[Floats, Floats, Floats]]] = {}
     for recording in recordings:
-        for chamber, time, setpoint, measured in _opened(recording):
-            level, pressure = _holds(time, setpoint, measured)
-            levels.setdefault(chamber, []).append(level)
-            reached.setdefault(chamber, []).append(pressure)
-    ceilings = {
-        chamber: _ceiling(np.concatenate(chamber_levels), np.concatenate(reached[chamber]))
-        for chamber, chamber_levels in levels.items()
-    }
+        for chamber, *signals in _opened(recording):
+            opened.setdefault(chamber, []).append((signals[0], signals[1], signals[2]))
+    ceilings = {}
+    for chamber, recorded in opened.items():
+        holds = [_holds(*signals) for signals in recorded]
+        highest = max((float(reached.max()) for _, reached in holds if len(reached)), default=np.inf)
+        rests = [rest for signals in recorded for rest in _rests_below(*signals, highest)]
+        levels, reached = (np.concatenate(parts) for parts in zip(*holds, *rests, strict=True))
+        ceilings[chamber] = _ceiling(levels, reached)
     return {chamber: ceiling for chamber, ceiling in ceilings.items() if np.isfinite(ceiling)}
 
 
@@ -162,11 +163,42 @@ def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Fl
         if len(hold) < 5 or float(time[hold[-1]] - time[hold[0]]) <= 0.1:
             continue
         late = hold[time[hold] > 0.5 * (time[hold[0]] + time[hold[-1]])]
-        halves = [float(half.mean()) for half in np.array_split(measured[late], 2) if len(half)]
-        if lasted > 2.0 * SETTLED or max(halves) - min(halves) < AT_REST:
+        if lasted > 2.0 * SETTLED or _unrest(measured[late]) < AT_REST:
             levels.append(float(np.median(setpoint[late])))
             reached.append(float(np.mean(measured[late])))
     return np.array(levels), np.array(reached)
+
+
+def _rests_below(
+    time: Floats, setpoint: Floats, measured: Floats, highest: float
+) -> Iterator[tuple[Floats, Floats]]:
+    """Yield two set-points, and the pressure at each, where it rests while a higher set-point moves.
+
+    A pressure that follows late is at rest only where it meets its set-point.
+
+    Args:
+        time: [s], shape (samples,).
+        setpoint: Set-points [Pa], shape (samples,).
+        measured: Measured pressures [Pa], shape (samples,).
+        highest: Pressure that no hold surpassed [Pa].
+    """
+    for begin, end in runs(setpoint > highest):
+        late = np.arange(begin, end)[time[begin:end] >= time[begin] + SETTLED]
+        if len(late) < 5 or _unrest(measured[late]) >= AT_REST:
+            continue
+        above = setpoint[late] > 0.5 * (setpoint[late].min() + setpoint[late].max())
+        if above.any() and not above.all():
+            lower, upper = late[~above], late[above]
+            yield (
+                np.array([setpoint[lower].mean(), setpoint[upper].mean()]),
+                np.array([measured[lower].mean(), measured[upper].mean()]),
+            )
+
+
+def _unrest(measured: Floats) -> float:
+    """Return by how much the mean of a pressure changes between two halves [Pa]."""
+    halves = [float(half.mean()) for half in np.array_split(measured, 2) if len(half)]
+    return max(halves) - min(halves)
 
 
 def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw:
