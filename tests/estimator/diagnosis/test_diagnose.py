@@ -114,7 +114,7 @@ def test_a_weak_chamber_is_found_without_an_axis_of_a_sensor(weak_sessions: list
 def test_a_name_is_as_probable_as_that_it_is_in_the_library(
     monkeypatch: pytest.MonkeyPatch, weak_sessions: list[Session], weak: DiagnosisOutcome
 ) -> None:
-    law = UnnamedLaw(0.0, 1.0, 0.4, ("chamber_gain",), Place(), "")
+    law = UnnamedLaw(0.0, 1.0, 0.4, (), Place(), "")
     monkeypatch.setattr(whole, "unnamed_law", lambda *_: law)
     (shared,), (alone,) = _diagnose(weak_sessions).diagnosis.findings, weak.diagnosis.findings
     assert alone.probability is not None

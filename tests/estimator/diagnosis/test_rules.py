@@ -577,7 +577,7 @@ def chosen(*fits: Fit, gain: float = 100.0) -> ChosenEffects:
     ],
 )
 def test_a_law_outdoes_effects_where_it_is_likelier_than_not_to_act_alone(law, named, probability, outdoes):
-    assert UnnamedLaw(law, named, probability, ("tip_payload",), Place(), "").outdoes is outdoes
+    assert UnnamedLaw(law, named, probability, (hypothesis("tip_payload"),), Place(), "").outdoes is outdoes
 
 
 @pytest.mark.parametrize(
@@ -661,6 +661,16 @@ def test_what_a_single_pose_shows_is_reported_without_a_name(monkeypatch, gain, 
         assert finding.effect == "unknown"
         assert [one.effect for one in finding.confusable_with] == ["tip_payload"]
         assert "tip payload of the tip section" in finding.statement
+
+
+@pytest.mark.parametrize(("probability", "rival"), [(0.6, True), (0.99, False)])
+def test_the_effects_that_a_law_hardly_outdoes_are_its_rivals(*, probability: float, rival: bool) -> None:
+    scale = Hypothesis(EFFECTS["sensor_scale"], Place(sensor="bend_tip"))
+    law = UnnamedLaw(40.0, 36.0, probability, (scale,), Place(segment="lower"), "pose")
+    finding = unknown(Unexplained(4.0), Heldout(4.0, 4.0, (0.0, 0.0), ""), 0.0, law, probability)
+    assert finding.probability == probability
+    rivals = [(one.effect, one.where, one.log_bayes_factor) for one in finding.confusable_with]
+    assert rivals == ([("sensor_scale", Place(sensor="bend_tip"), 2.0)] if rival else [])
 
 
 def searching(library: Library) -> Search:
@@ -888,7 +898,7 @@ def test_a_law_alone_shows_that_something_is_missing_if_it_is_probable(monkeypat
 @pytest.mark.parametrize(("probability", "stays"), [(0.4, True), (0.8, False)])
 def test_names_that_are_less_likely_than_a_slight_law_are_withdrawn(monkeypatch, probability, *, stays: bool):
     """Of two explanations that both are hardly more than nothing, neither is stated."""
-    slight = UnnamedLaw(0.5 * CERTAIN, 0.4 * CERTAIN, probability, ("tip_payload",), Place(), "")
+    slight = UnnamedLaw(0.5 * CERTAIN, 0.4 * CERTAIN, probability, (hypothesis("tip_payload"),), Place(), "")
     payload = chosen(fit_of("tip_payload", 0.002), gain=12.0)
     made = {"without_fragments": (payload, payload.fit, []), "unnamed_law": slight}
     decision = decide_on(monkeypatch, payload, **made)

@@ -7,8 +7,10 @@ from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.diagnose import assemble, begin
 from softarm.estimator.diagnosis.judge import CERTAIN
+from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw, unnamed_law
-from softarm.estimator.specimen.physics import Place
+from softarm.estimator.effects import EFFECTS
+from softarm.estimator.specimen.physics import EffectName, Place
 from tests.estimator.diagnosis.linear_arm import LOCKING, Concealed, model, session
 
 LAW = ((LOCKING, Place(segment="lower"), (0.05, 0.5)),)
@@ -44,5 +46,7 @@ def test_what_explains_more_alone_is_what_acts(questioned: Concealed, *, unknown
 
 
 def test_the_names_that_a_law_outdoes_are_listed_once() -> None:
-    law = UnnamedLaw(100.0, 10.0, 0.99, ("sensor_drift", "sensor_drift", "line_lag"), Place(), "")
+    names: tuple[EffectName, ...] = ("sensor_drift", "sensor_drift", "line_lag")
+    nearest = tuple(Hypothesis(EFFECTS[name], Place()) for name in names)
+    law = UnnamedLaw(100.0, 10.0, 0.99, nearest, Place(), "")
     assert law.sentence().endswith("predicts unseen recordings better than sensor drift, line lag.")

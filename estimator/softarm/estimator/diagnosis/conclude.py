@@ -24,6 +24,7 @@ from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
 from softarm.estimator.diagnosis.probability import (
     BARE,
+    CREDIBLE,
     Explanation,
     credible_set,
     groups_of_alike,
@@ -424,21 +425,19 @@ def unknown(
             "may be wrong."
         )
         rivals = (Rival(name, place, "the same in several other poses", 0.0),)
+    odds = 0.0 if law is None else 0.5 * (law.gain - law.named_gain)
+    if law is not None and probability < CREDIBLE:
+        words = "the same in other poses and at other pressures, which a right name predicts"
+        rivals = tuple(Rival(one.name, one.place, words, odds) for one in law.nearest)
     return Finding(
         effect="unknown",
         where=unexplained.where,
         when=unexplained.when,
         statement=(differ if law is None else law.sentence()) + ("" if law and law.regime else sits),
         parameters={},
-        evidence=Evidence(
-            0.0 if law is None else 0.5 * (law.gain - law.named_gain),
-            heldout.before,
-            heldout.after,
-            (0.0, 0.0),
-            search_p,
-        ),
+        evidence=Evidence(odds, heldout.before, heldout.after, (0.0, 0.0), search_p),
         confusable_with=rivals,
-        probability=None if rivals else probability,
+        probability=None if law is None and rivals else probability,
     )
 
 

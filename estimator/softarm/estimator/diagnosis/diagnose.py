@@ -336,7 +336,7 @@ def decide(search: Search) -> Decision:
     if found and probability > LIKELIER:
         choice, sizes = replace(choice, accepted=(), fit=None), None
         if law is None:  # neither it nor what it is likelier than is certain
-            withdrawn += unnamed.nearest
+            withdrawn += [one.name for one in unnamed.nearest]
     remainder = _remainder(search, choice)
     more_is_left = remainder > STRUCTURE or worst_over_nominal(search, choice.fit) > OUTLYING
     changed = law is not None or more_is_left or _changed(search, choice)

@@ -34,6 +34,7 @@ from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Combinations, NewFolds
 from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
 from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN
+from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.nominal import background_of, changed_prior, predictive
 from softarm.estimator.diagnosis.normal_equations import NewColumns, Total, added
 from softarm.estimator.diagnosis.probability import density, pseudo_bma
@@ -122,7 +123,7 @@ class UnnamedLaw:
         gain: Twice the logarithm of the odds on it against nothing, each recording predicted from the others.
         named_gain: The same of the accepted effects.
         probability: How probable it is that it acts and not the effects.
-        nearest: Names of the effects.
+        nearest: The effects.
         place: Where it acts.
         regime: What it varies with; empty where that may be anything.
     """
@@ -130,7 +131,7 @@ class UnnamedLaw:
     gain: float
     named_gain: float
     probability: float
-    nearest: tuple[EffectName, ...]
+    nearest: tuple[Hypothesis, ...]
     place: Place
     regime: str
 
@@ -145,7 +146,7 @@ class UnnamedLaw:
         acts = f"Something that no known effect explains acts{where}."
         if not self.nearest:
             return acts
-        names = ", ".join(map(plain, dict.fromkeys(self.nearest)))
+        names = ", ".join(dict.fromkeys(plain(one.name) for one in self.nearest))
         return f"{acts} A law without a name predicts unseen recordings better than {names}."
 
 
@@ -247,7 +248,7 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         named_gain = 2.0 * float(effects.sum())
         densities.append(OWN_PART * effects + (1.0 - OWN_PART) * both)
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
-    nearest = () if fit is None else tuple(hypothesis.name for hypothesis in fit.hypotheses)
+    nearest = () if fit is None else tuple(fit.hypotheses)
     gain = 2.0 * float(densities[0].sum())
     return UnnamedLaw(gain, named_gain, probability, nearest, law.place, law.regime)
 

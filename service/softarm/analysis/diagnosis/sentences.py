@@ -193,7 +193,8 @@ def blindness(diagnosis: Diagnosis) -> str:
 
 def nameless(diagnosis: Diagnosis) -> str:
     """Write that something is missing, and why it has no name."""
-    if any(finding.effect == "unknown" and finding.confusable_with for finding in diagnosis.findings):
+    unknown = [finding for finding in diagnosis.findings if finding.effect == "unknown"]
+    if any(finding.confusable_with and finding.probability is None for finding in unknown):
         return "The model is missing physics that these recordings show in too few poses to name it"
     return "The model is missing physics that no known effect explains"
 
