@@ -164,3 +164,20 @@ def test_a_bend_that_lags_and_stops_stands_still() -> None:
     assert fault.columns == ("bend_tip",)
     assert fault.interval is not None
     assert fault.interval[0] == pytest.approx(FROM, abs=0.5)
+
+
+def test_a_body_that_stood_still_is_lost_to_the_sample() -> None:
+    """The last tenth of a second would otherwise be a jump that no law explains."""
+    good = arm.small_arm(parts=("frame",))
+    begin, end = 30.1, 50.9
+    first = int(np.argmax(good.time >= begin))
+    tip = {name: values[first] for name, values in good.columns.items() if name.startswith("frame_tip")}
+    held = _held(good, tip, since=begin, noise=2e-5)
+    columns = {
+        name: np.where(good.time < end, values, good.columns[name]) for name, values in held.columns.items()
+    }
+    mended, (fault,) = mend_still(replace(held, columns=columns), SPECIMEN)
+    assert fault.columns == ("frame_tip",)
+    lost = good.time[np.isnan(mended.columns["frame_tip_x_m"])]
+    assert lost[0] == pytest.approx(begin, abs=0.06)
+    assert lost[-1] == pytest.approx(end, abs=0.06)

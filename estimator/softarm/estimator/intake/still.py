@@ -24,7 +24,7 @@ from softarm.estimator.intake.labels import MISFIT, PLACED
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.intake.streams import QUIET, SPREAD, SampledStream, streams_of
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
-from softarm.estimator.series import delayed, window_means
+from softarm.estimator.series import delayed, runs, window_means
 from softarm.estimator.specimen import Specimen
 
 WINDOW = 0.25
@@ -396,5 +396,22 @@ def _quiet(
             continue
         seen = np.flatnonzero((windows >= first) & (windows < beyond) & read)
         if len(seen) and np.ptp(time[seen]) >= least:
-            yield slice(first, beyond), seen
+            yield slice(first, beyond), _to_its_ends(time, readings, seen)
         first = beyond
+
+
+def _to_its_ends(time: Floats, readings: Floats, rows: Indices) -> Indices:
+    """Extend a quiet stretch by the samples of the windows at its ends that still read as it does.
+
+    Args:
+        time: [s], shape (samples,).
+        readings: Shape (samples, columns).
+        rows: Samples of the whole windows of the stretch, rising.
+    """
+    low, high = readings[rows].min(axis=0), readings[rows].max(axis=0)
+    margin = 0.5 * (high - low)
+    alike = ((readings >= low - margin) & (readings <= high + margin)).all(axis=1)
+    near = (time > time[rows[0]] - WINDOW) & (time < time[rows[-1]] + WINDOW)
+    ends = [run for run in runs(alike & near) if run[0] <= rows[0] <= run[1] or run[0] <= rows[-1] <= run[1]]
+    whole: Indices = np.union1d(rows, np.concatenate([np.arange(*run) for run in ends]))
+    return whole
