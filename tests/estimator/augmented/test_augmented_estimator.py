@@ -9,7 +9,7 @@ from softarm.estimator.augmented import AugmentedEstimator, ShapedModel, Spread
 from softarm.estimator.augmented.estimator import registered_again, undo
 from softarm.estimator.effects import EFFECTS, Spot, World
 from softarm.estimator.effects.placed import PlacedEffect
-from softarm.estimator.effects.simulate import recorded_turn, simulate_with, standing_pressures
+from softarm.estimator.effects.simulate import recorded_rotation, simulate_with, standing_pressures
 from softarm.estimator.errors import InputError
 from softarm.estimator.inverse import Estimator, LoadProcess, TrackerSettings
 from softarm.estimator.model import Inputs, Load
@@ -110,8 +110,8 @@ def test_a_laboratory_found_by_a_base_that_had_turned_is_turned_back(name: str, 
     drive = Drive.of(time, ACTUATION.to_chamber(measured), TURNED, 2, 2)
     done = simulate_with([effect], ARM, WORLD, drive, rested)
     data = time, measured, np.concatenate([done.readings[name] for name in NAMES], axis=1), TURNED
-    turn = recorded_turn(done.drive.base_rotation, [effect])
-    suite = rested.moved(np.concatenate([np.zeros(3), -turn]))
+    rotation = recorded_rotation(done.drive.base_rotation, [effect])
+    suite = rested.moved(np.concatenate([np.zeros(3), -rotation]))
     again = registered_again(suite, ARM, WORLD, [effect], drive)
     estimators = [
         AugmentedEstimator(MODEL, ARM.segments, LOADS, WORLD, (effect,), own, SETTINGS)

@@ -11,7 +11,7 @@ from softarm.estimator.diagnosis import choose, conclude, diagnose, sizes
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
     MOST_SURPRISE,
-    TOLD,
+    SIGNIFICANT_Z,
     Accepted,
     Candidate,
     ChosenEffects,
@@ -348,8 +348,8 @@ def test_the_natural_frequency_counts_where_the_arm_at_rest_looks_alike():
 
 
 def test_an_amplitude_is_distinguishable_from_zero_by_its_deviation():
-    assert is_distinguishable(fit_of("tip_payload", 1.1 * TOLD, deviation=1.0), 0)
-    assert not is_distinguishable(fit_of("tip_payload", 0.9 * TOLD, deviation=1.0), 0)
+    assert is_distinguishable(fit_of("tip_payload", 1.1 * SIGNIFICANT_Z, deviation=1.0), 0)
+    assert not is_distinguishable(fit_of("tip_payload", 0.9 * SIGNIFICANT_Z, deviation=1.0), 0)
 
 
 @pytest.mark.parametrize("told", [0.9, 1.1])
@@ -826,7 +826,7 @@ def test_a_law_includes_a_plainer_one_that_is_part_of_it():
     assert not includes(leak, fitted("line_lag", 1, -0.2))
     assert not includes(late, leak)
     assert not includes(fitted("line_leak", 2, 0.1, 0.2, 1.0), late)
-    assert not includes(fitted("line_leak", 1, 0.1, 0.9 * TOLD * 1e-3, 1.0), late)
+    assert not includes(fitted("line_leak", 1, 0.1, 0.9 * SIGNIFICANT_Z * 1e-3, 1.0), late)
 
 
 def test_a_law_that_says_no_more_than_a_plainer_one_restates_it():
@@ -838,8 +838,8 @@ def test_a_law_that_says_no_more_than_a_plainer_one_restates_it():
 
     late = replace(fit_of("line_lag", 0.2), hypotheses=(hypothesis("line_lag", place),))
     elsewhere = replace(fit_of("line_lag", 0.2), hypotheses=(hypothesis("line_lag", Place(chamber=2)),))
-    assert restates(leak(0.9 * TOLD * 1e-3), late)
-    assert not restates(leak(1.1 * TOLD * 1e-3), late)
+    assert restates(leak(0.9 * SIGNIFICANT_Z * 1e-3), late)
+    assert not restates(leak(1.1 * SIGNIFICANT_Z * 1e-3), late)
     assert not restates(leak(0.0), elsewhere)
     assert not restates(late, leak(0.0))
 

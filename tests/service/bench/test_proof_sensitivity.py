@@ -80,9 +80,9 @@ def rows_that_change(monkeypatch, folder, verdict):
 
 def test_a_constant_that_decides_is_shown_with_what_it_changes(monkeypatch, tmp_path):
     changing = rows_that_change(
-        monkeypatch, tmp_path, lambda: "explained" if candidates.TOLD <= 3.0 else "consistent"
+        monkeypatch, tmp_path, lambda: "explained" if candidates.SIGNIFICANT_Z <= 3.0 else "consistent"
     )
-    assert [row["constant"] for row in changing] == ["candidates.TOLD"]
+    assert [row["constant"] for row in changing] == ["candidates.SIGNIFICANT_Z"]
     assert changing[0]["which"] == "one x 1.2: consistent"
 
 

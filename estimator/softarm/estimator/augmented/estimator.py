@@ -16,7 +16,12 @@ from softarm.estimator.effects.accepted import accepted_physics
 from softarm.estimator.effects.effect import Memory
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.effects.readings import QUATERNION, turns
-from softarm.estimator.effects.simulate import advance_with, recorded_turn, simulate_with, standing_pressures
+from softarm.estimator.effects.simulate import (
+    advance_with,
+    recorded_rotation,
+    simulate_with,
+    standing_pressures,
+)
 from softarm.estimator.effects.world import World
 from softarm.estimator.inverse import ArmEstimate, Estimator, TrackerSettings
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
@@ -109,7 +114,7 @@ def registered_again(
     if not suite.base_recorded or all(placed.field != "base_rotation" for placed in effects):
         return suite
     rotations = simulate_with(effects, arm, world, drive).drive.base_rotation
-    return suite.moved(np.concatenate([np.zeros(3), recorded_turn(rotations, effects)]))
+    return suite.moved(np.concatenate([np.zeros(3), recorded_rotation(rotations, effects)]))
 
 
 def _some(time: Floats, pressures: Floats) -> tuple[Floats, Floats]:

@@ -23,9 +23,9 @@ ARM_MOVES = "at least 20 s in which the arm moves and comes to rest"
 LEAST_SAMPLES = 20
 LEAST_SECONDS = 0.5
 LONGEST_GAP = 1.0
-"""A gap [s] above it is told."""
+"""A gap [s] above it is reported."""
 ABOUT = 30
-"""Samples before and after a gap that tell how fast readings change."""
+"""Samples before and after a gap that show how fast readings change."""
 ONWARD = 4.0
 """A reading that changes over a gap by less than so many of its largest changes nearby goes on through it."""
 STILL = {"m": 2e-4, "rad": 2e-3}
@@ -135,7 +135,7 @@ def admit(
 
 
 def motion_columns(recording: Recording) -> dict[str, Floats]:
-    """Return the columns that tell of the arm's motion."""
+    """Return the columns that describe the arm's motion."""
     kinds = ("frame_", "bend_", "marker_")
     return {name: values for name, values in recording.columns.items() if name.startswith(kinds)}
 

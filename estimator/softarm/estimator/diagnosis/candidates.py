@@ -16,7 +16,7 @@ ALIKE_SHARE = 0.01
 """Difference in the criterion, or its share of the best, within which the plainer of two is taken."""
 MOST_SURPRISE = 12.0
 """Largest cost of a size that nobody expects."""
-TOLD = 3.0
+SIGNIFICANT_Z = 3.0
 """Size of an amplitude over its standard deviation from which it is significant."""
 
 
@@ -94,7 +94,7 @@ def surprise(fit: Fit) -> float:
 
 
 def is_distinguishable(fit: Fit, number: int) -> bool:
-    """Return whether an effect is likelier than none by as much as an amplitude of ``TOLD`` deviations.
+    """Return whether an effect is as likely against none as an amplitude of ``SIGNIFICANT_Z`` deviations.
 
     At a given shape an effect is linear in its amplitudes a, and with none of them it has no shape. So twice
     the logarithm of the likelihood ratio is a' C^-1 a, with C their covariance at the shape that was fitted,
@@ -113,7 +113,8 @@ def is_distinguishable(fit: Fit, number: int) -> bool:
     )
     precision = np.linalg.inv(covariance)[np.ix_(size, size)]
     ratio = float(values[size] @ precision @ values[size])
-    by_chance = 2.0 * float(gammainccinv(0.5 * len(theta), 2.0 * ndtr(-TOLD)))  # a quantile of chi-square
+    # A quantile of chi-square.
+    by_chance = 2.0 * float(gammainccinv(0.5 * len(theta), 2.0 * ndtr(-SIGNIFICANT_Z)))
     return ratio >= by_chance
 
 
@@ -141,9 +142,9 @@ def stated_alone(fit: Fit, number: int) -> tuple[EffectName, float] | None:
 
     ``None`` where it states more, or something else.
     """
-    telling = [(p, v) for p, v, significant in _parts(fit, number) if p.role == "amplitude" and significant]
-    alone = telling[0][0].alone if len(telling) == 1 else None
-    return None if alone is None else (alone, telling[0][1])
+    stated = [(p, v) for p, v, significant in _parts(fit, number) if p.role == "amplitude" and significant]
+    alone = stated[0][0].alone if len(stated) == 1 else None
+    return None if alone is None else (alone, stated[0][1])
 
 
 def _parts(fit: Fit, number: int | None = None) -> Iterator[tuple[ParameterSpec, float, bool]]:
@@ -152,4 +153,4 @@ def _parts(fit: Fit, number: int | None = None) -> Iterator[tuple[ParameterSpec,
     parameters = fit.hypotheses[number].effect.parameters
     stds = fit.scaled_stds(number).tolist()
     for parameter, value, std in zip(parameters, fit.thetas[number].tolist(), stds, strict=True):
-        yield parameter, value, bool(abs(parameter.scaled(value)) >= TOLD * std)
+        yield parameter, value, bool(abs(parameter.scaled(value)) >= SIGNIFICANT_Z * std)

@@ -143,7 +143,7 @@ class Search:
         """Rank effects that detune the arm by what they explain at some size, and begin their fits there.
 
         A stiffer arm vibrates faster, and one on a compliant base slower. What that changes is soon out of
-        step, so that a slope at zero says little of a large change, even of what it does at rest.
+        step, so that a slope at zero hardly predicts a large change, even what it does at rest.
         """
         placed = []
         for number, score, theta in ranked:
@@ -334,7 +334,7 @@ class Search:
         """List what may be accepted: the most probable candidates, and those that come close to them.
 
         What changes the arm at rest comes first, then what has fewer parameters, then what is more probable.
-        A law that says no more than a plainer one is left out.
+        A law that states no more than a plainer one is left out.
         """
         able = [one for one in field if one.delta_bic >= LEAST_BIC and not one.fit.at_bound]
         able = [one for one in able if not any(restates(one.fit, other.fit) for other in able)]

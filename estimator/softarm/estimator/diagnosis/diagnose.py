@@ -84,7 +84,7 @@ Its logarithm has mean 0.9 and deviation 0.6 in 15 unchanged arms of two simulat
 """
 CHANGED = 20.0
 """Twice the logarithm of the odds from which more has changed than from run to run ("very strong": Kass and
-Raftery, J. Am. Stat. Assoc. 90 (1995) 773, say so from 10)."""
+Raftery, J. Am. Stat. Assoc. 90 (1995) 773, use this term from 10)."""
 SIGNIFICANT = 0.01
 DOUBTFUL = 0.1
 """Chance, and least gain on single recordings, with which an effect that was turned down shows that
@@ -289,9 +289,9 @@ class Decision:
         law: A law without a name, where it outdoes the effects that were found.
         unnamed: Probability that what acts has no name.
         remainder: What no known effects explain, over the same of nominal recordings.
-        changed: Whether the recordings in question have changed more than the effects say; where there are
-            none, whether more is left than of unchanged arms, or something without a name is likelier than
-            not.
+        changed: Whether the recordings in question have changed more than the effects explain; where there
+            are none, whether more is left than of unchanged arms, or something without a name is likelier
+            than not.
         seen_once: What would be reported, had the recordings shown it in more than one pose.
     """
 
@@ -506,8 +506,8 @@ def _baseline(stages: Sequence[Stage], floors: Mapping[str, float]) -> Baseline:
 def _remainder(search: Search, choice: ChosenEffects) -> float:
     """Return what the library cannot explain of the recordings in question, over the same of nominal ones.
 
-    Without nominal recordings it is over the noise and what few samples leave open: then nobody says that a
-    mismatch is usual.
+    Without nominal recordings it is over the noise and what few samples leave open: then nothing shows that
+    a mismatch is usual.
     """
     evidence, weights = search.evidence, search.weights
     remaining = evidence.leftover(weights, search.residuals(choice.fit), nominal=False)
@@ -521,7 +521,7 @@ def _map(search: Search, choice: ChosenEffects | None) -> LocationMap:
 
 
 def _changed(search: Search, choice: ChosenEffects) -> bool:
-    """Return whether the recordings in question have changed more than the findings say."""
+    """Return whether the recordings in question have changed more than the findings explain."""
     evidence, fraction = search.evidence, search.weights.effective_sample_fraction
     if not evidence.has_nominal:
         return False

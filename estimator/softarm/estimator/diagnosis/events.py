@@ -48,7 +48,7 @@ class EventErrors:
         """Return the largest error of a model that predicts an event, in each unit; ``None`` if it does not.
 
         It does if every error, less what vibrations may add to it, is below what the intake would have
-        reported. A row of which less than half was read, as of a sensor that is stuck, says nothing.
+        reported. A row of which less than half was read, as of a sensor that is stuck, does not count.
 
         Args:
             interval: From when to when, by the session's clock [s].

@@ -28,7 +28,7 @@ from softarm.estimator.specimen.physics import EffectName
 Singles = NDArray[np.float32]
 
 FULLEST = 5.0
-"""Spread, in typical sizes, of all effects at once in the fullest model, which tells the noise."""
+"""Spread, in typical sizes, of all effects at once in the fullest model, which determines the noise."""
 QUIET = 25.0
 """Percentile of the recordings' noise that counts as the sensor's: where an arm vibrates it seems larger."""
 INADEQUACY = 0.004

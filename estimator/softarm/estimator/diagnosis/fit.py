@@ -367,11 +367,11 @@ class Parametrisation:
         return cls(parameters, tuple(len(h.effect.parameters) for h in hypotheses))
 
     def units(self, theta: Floats) -> Floats:
-        """Turn parameters into units of the fit, shape (parameters,)."""
+        """Convert parameters into units of the fit, shape (parameters,)."""
         return np.array([p.scaled(v) for p, v in zip(self.parameters, theta.tolist(), strict=True)])
 
     def split(self, values: Floats) -> list[Floats]:
-        """Turn units of the fit into the parameters of each effect."""
+        """Convert units of the fit into the parameters of each effect."""
         theta = np.array([p.value(v) for p, v in zip(self.parameters, values.tolist(), strict=True)])
         return [np.array(part) for part in np.split(theta, np.cumsum(self.sizes)[:-1])]
 

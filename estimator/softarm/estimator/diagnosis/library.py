@@ -128,7 +128,7 @@ def build_library(
 
 
 def _calibrated(effect: Effect, place: Place) -> bool:
-    """Return whether an effect changes a segment's modulus or area, which a drawing does not tell."""
+    """Return whether an effect changes a segment's modulus or area, which a drawing does not determine."""
     return "uniform_gain" in effect.equivalence and place.chamber is None
 
 

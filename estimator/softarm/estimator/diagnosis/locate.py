@@ -1,9 +1,9 @@
 """Where a mismatch sits and what it varies with, before any hypothesis.
 
 At every place stands an equivalent load or offset: bending, twisting and axial couples of a segment, a
-pressure in a chamber, an offset of a sensor's channel, a turn of the base. Each varies with one regime. A
-cell's share is what it alone removes of the mismatch beyond noise, the calibration free to move; its chance
-is that of so large a gain anywhere in the map where nothing is missing.
+pressure in a chamber, an offset of a sensor's channel, a rotation of the base. Each varies with one regime.
+A cell's share is what it alone removes of the mismatch beyond noise, the calibration free to move; its
+chance is that of so large a gain anywhere in the map where nothing is missing.
 """
 
 from collections.abc import Sequence

@@ -67,8 +67,8 @@ def _poses(stage: Stage) -> dict[str, Floats]:
     response = stage.arm.baseline
     columns = {}
     for number, section in enumerate(stage.world.sections):
-        turns = Rotation.from_matrix(response.frames.rotations[:, number]).as_quat(scalar_first=True)
-        poses = np.hstack([response.frames.positions[:, number], turns])
+        quaternions = Rotation.from_matrix(response.frames.rotations[:, number]).as_quat(scalar_first=True)
+        poses = np.hstack([response.frames.positions[:, number], quaternions])
         poses[~response.converged] = np.nan
         for suffix, column in zip(POSE_SUFFIXES, poses.T, strict=True):
             columns[f"estimate_frame_{section}_{suffix}"] = column

@@ -23,7 +23,7 @@ WIDEST = 0.5
 MATERIAL = 0.1
 """Changes by less, in typical sizes, are as between any two manoeuvres of one arm."""
 UNKNOWN = 0.03
-"""What changes from run to run, in typical sizes, where no nominal recording tells."""
+"""What changes from run to run, in typical sizes, where no nominal recording shows it."""
 LEAST = 2.0
 """Deviations by which an arm may seem to have less than none of what only dissipates."""
 NUISANCE = 0.1

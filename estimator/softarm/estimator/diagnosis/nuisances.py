@@ -91,7 +91,7 @@ class Nuisances:
 
 
 def only_drawn(specimen: Specimen, sessions: Sequence[Session]) -> bool:
-    """Return whether nothing tells an arm's moduli but its drawing and the recordings in question."""
+    """Return whether only an arm's drawing and the recordings in question determine its moduli."""
     before = set(specimen.calibration.recordings) - {session.name for session in sessions}
     return not before and not any(session.nominal for session in sessions)
 
@@ -102,7 +102,7 @@ def layout_of(model: Model, sessions: Sequence[Session]) -> Layout:
     spread = np.max([np.ptp(session.pressures, axis=0) for session in sessions], axis=0, initial=0.0)
     moved = [k for k in range(len(spread)) if spread[k] > LEAST_PRESSURE_SPREAD]
     suite = SensorSuite(tuple(measurements.values()))
-    # A known weight in several mounts tells the moduli, so that the chambers' mean gain may be anything.
+    # A known weight in several mounts determines the moduli: the chambers' mean gain may be anything.
     weighed = mount_turned(np.concatenate([session.gravity for session in sessions]))
     nominal = any(session.nominal for session in sessions)
     layout = build_layout(

@@ -28,7 +28,7 @@ STRAIN_STD = np.array([SCATTER.sizes["rad"]] * 3 + [SCATTER.sizes["m"]])
 
 
 def with_poses(evidence: RegressionProblem, weights: Weights, prior: Gaussian) -> RegressionProblem:
-    """Let effects see the arm of the recordings in question where nominal recordings say that it is.
+    """Let effects see the arm of the recordings in question where nominal recordings show that it is.
 
     Args:
         evidence: All recordings.

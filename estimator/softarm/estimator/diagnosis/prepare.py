@@ -1,4 +1,4 @@
-"""From a recording to a session: sensors that say something of their own, known loads, means over windows."""
+"""From a recording to a session: independent sensors, known loads, means over windows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -23,11 +23,11 @@ BLOCK = 10.0
 LEAST_BLOCKS = 7
 """The fewest of which two can be spared: one confirms what is chosen, the other is reported."""
 SAME = np.radians(0.2)
-"""Bends that repeat what frames say to within this are left out."""
+"""Bends that repeat what frames show to within this are left out."""
 RINGING = 0.11
 """Windows longer than this [s] are there to average a vibration away."""
 QUIETEST, QUIET_SIZE = 10.0, 0.1257
-"""Percentile of the changes between windows at rest that tells the noise, and that of a standard normal."""
+"""Percentile of the changes between windows at rest that gives the noise, and that of a standard normal."""
 ROUNDING = 1e-3
 """Share of a window by which a clock may be rounded without its samples changing windows."""
 RESTING = 500.0
@@ -171,8 +171,8 @@ def _without_repeated_bends(recording: Recording, specimen: Specimen, notes: lis
     for section in recording.bends:
         above = order[order.index(section) - 1] if order.index(section) > 0 else None
         if section in recording.frames and above in recording.frames:
-            told = _tilt(recording.pose(above or ""), recording.pose(section))
-            difference = np.abs(told - recording.bend(section))
+            expected = _tilt(recording.pose(above or ""), recording.pose(section))
+            difference = np.abs(expected - recording.bend(section))
             if np.isfinite(difference).any() and float(np.nanmedian(difference)) < SAME:
                 repeated.append(section)
     if repeated:
@@ -247,7 +247,7 @@ def _rows(session: Session) -> Floats:
     for measurement in suite.measurements:
         part = session.readings[:, suite.reading_slices[measurement.name]]
         if measurement.reading_size in (4, 7):
-            # Small turns are twice the vector part of the quaternion against the median.
+            # Small rotations are twice the vector part of the quaternion against the median.
             middle = np.nanmedian(part[:, -4:], axis=0)
             part = np.concatenate([part[:, :-4], 2.0 * _vector_part(part[:, -4:], middle)], axis=1)
         from_first[:, suite.slices[measurement.name]] = part

@@ -1,7 +1,7 @@
 """Arms without pressures that are held, let go, and vibrate: they are judged once they have come to rest.
 
-Before the release a hand holds the arm in a pose that says nothing of its weight; while the vibration decays,
-means over a few periods are not yet the rest pose.
+Before the release a hand holds the arm in a pose that gives no information on its weight; while the
+vibration decays, means over a few periods are not yet the rest pose.
 """
 
 from dataclasses import dataclass, replace

@@ -246,12 +246,12 @@ class Evidence:
 
 @dataclass(frozen=True)
 class Rival:
-    """An effect that these data cannot tell from a finding.
+    """An effect that these data cannot distinguish from a finding.
 
     Args:
         effect: Its name.
         where: Where it would act.
-        manoeuvre: What would tell the two apart, in words.
+        manoeuvre: What would distinguish the two, in words.
         log_bayes_factor: Natural logarithm of the Bayes factor of the finding against it.
     """
 
@@ -281,7 +281,7 @@ class Finding:
         statement: One plain paragraph.
         parameters: Its parameters by name.
         evidence: Why it is believed.
-        confusable_with: What these data cannot tell from it.
+        confusable_with: What these data cannot distinguish from it.
         rejected: What lost, the closest first.
         exposure: The residual against the variable that exposes it, where there is one.
         probability: Posterior probability that it acts at this place; ``None`` where none was computed.

@@ -83,7 +83,7 @@ def null_scores(evidence: RegressionProblem, marginal: Marginal, rng: np.random.
 def _start(
     parameters: Sequence[ParameterSpec], directions: Sequence[Direction], values: Floats
 ) -> tuple[Floats, bool]:
-    """Turn linear coefficients into parameters to start from; whether their signs are allowed."""
+    """Convert linear coefficients into parameters to start from; whether their signs are allowed."""
     theta = directions[0].theta.copy()
     allowed = True
     for direction, value in zip(directions, values.tolist(), strict=True):

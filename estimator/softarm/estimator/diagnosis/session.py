@@ -10,7 +10,7 @@ from softarm.estimator.sensing import ActuationMap, SensorSuite
 from softarm.estimator.simulation import Drive
 
 LONGER = 50
-"""Factor between spans by which a step is told: rounding must not amount to half a step of the longer one."""
+"""Factor between spans that determine a step: rounding must not amount to half a step of the longer one."""
 
 
 @dataclass(frozen=True)
@@ -88,8 +88,8 @@ class Session:
         """Time between samples [s].
 
         A difference of neighbours carries the rounding of the clock, a quarter of a microsecond in seconds
-        since 1970, which over minutes is a sample. Longer spans tell the step better, once a shorter one has
-        told how many steps they are.
+        since 1970, which over minutes is a sample. Longer spans determine the step better, once a shorter
+        one has shown how many steps they are.
         """
         step, lag = float(np.median(np.diff(self.clock))), LONGER
         while lag < len(self.clock) // 8:  # few spans hold a gap then

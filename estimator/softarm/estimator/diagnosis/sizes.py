@@ -1,7 +1,7 @@
 """How large chosen effects are, and how surely, where the model that predicts them errs itself.
 
 The search weighs residuals by all that common coefficients might do, and so lives on the small differences
-between an effect and these: right for telling effects apart, wrong for their sizes. A model predicts the
+between an effect and these: right for distinguishing effects, wrong for their sizes. A model predicts the
 shape of a change with errors, as it predicts motion, and an error in the regressor pulls an estimate towards
 zero, the more so the more of what it shares with others is taken out (Griliches and Hausman, J. Econometrics
 31 (1986) 93). Sizes are therefore those of ordinary least squares, with the common coefficients at what
@@ -21,8 +21,8 @@ coefficients,
     H^-1 (X'X / fraction + X'C P C'X) H^-1,    H = X'X,
 
 and, for a discrepancy that lasts for a recording, that of the estimates without one recording each
-(jackknife: Miller, Biometrika 61 (1974) 1). Its inverse is what the recordings say, to which the prior's
-precision is added (Godambe, Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than beforehand.
+(jackknife: Miller, Biometrika 61 (1974) 1). Its inverse is the precision that the recordings give, to which
+the prior's is added (Godambe, Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than beforehand.
 """
 
 from collections.abc import Sequence
@@ -68,7 +68,7 @@ SPANS = 5
 
 @dataclass(frozen=True)
 class Part:
-    """What one recording, or a span of it, says of the parameters at the estimate.
+    """What one recording, or a span of it, states about the parameters at the estimate.
 
     Args:
         matrix: X'X, shape (parameters, parameters).
@@ -201,12 +201,12 @@ def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects 
 
 
 def fragments(search: Search, fit: Fit) -> dict[int, float]:
-    """Find effects that may be what the model and the laws of the others leave, or what another one says.
+    """Find effects that may be what the model and the laws of the others leave, or what another one states.
 
     Beside the errors of all other laws, or fitted again without it, they gain less than ``DECIDES``. What an
-    effect gained before the others were known says nothing here: a payload may first have been taken for a
-    denser arm. Nor does it matter which gains more: where a stiffer segment stretches more than its law says,
-    a force along the arm gained more than the stiffness, which the force had taken the most of.
+    effect gained before the others were known does not count here: a payload may first have been taken for a
+    denser arm. Nor does it matter which gains more: where a stiffer segment stretches more than its law
+    predicts, a force along the arm gained more than the stiffness, which the force had taken the most of.
 
     Args:
         search: The search that chose them.
@@ -271,7 +271,7 @@ def robust_covariance(parts: Sequence[Part], prior: Floats, common: Floats, frac
     """Compute the covariance of least squares under errors that its weights do not know of.
 
     Args:
-        parts: What each recording says, at the estimate.
+        parts: What each recording contributes, at the estimate.
         prior: Prior precision of each parameter, over the fraction, shape (parameters,).
         common: Covariance of the common coefficients, shape (columns, columns).
         fraction: Effective sample fraction: independent samples over samples.

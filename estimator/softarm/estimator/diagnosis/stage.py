@@ -14,7 +14,7 @@ from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.effects import Spot, World
 from softarm.estimator.effects.effect import ModalChange, Signals
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
-from softarm.estimator.effects.simulate import recorded_turn, simulate_with
+from softarm.estimator.effects.simulate import recorded_rotation, simulate_with
 from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.rotations import exp
@@ -189,8 +189,8 @@ class Stage:
     @cached_property
     def _strain_jacobian(self) -> Floats:
         """Derivative of the predictions by the strains, shape (samples, rows, 4 segments)."""
-        turned, stiffness, _ = self._strain_stiffness
-        by_strain: Floats = self.twist_jacobian @ turned @ stiffness
+        by_couple, stiffness, _ = self._strain_stiffness
+        by_strain: Floats = self.twist_jacobian @ by_couple @ stiffness
         return by_strain
 
     @cached_property
@@ -293,7 +293,7 @@ class Stage:
 
         Args:
             effects: The effects.
-            exact: Correct that by what the model itself says at some samples, but for sensors.
+            exact: Correct that by what the model itself predicts at some samples, but for sensors.
         """
         answering = [placed for placed in effects if placed.effect.responds_to_own_effect]
         sensing = [placed for placed in effects if placed.effect.hook == "sensing"]
@@ -351,7 +351,7 @@ class Stage:
         return np.where(elsewhere.reshape(-1, 1), np.nan, plain)
 
     def _solved(self, effects: Sequence[PlacedEffect]) -> Floats:
-        """Return what the model itself says under effects, against the prediction, shape (nodes, rows)."""
+        """Return what the model itself predicts under effects, minus the prediction, shape (nodes, rows)."""
         nodes = self._exact.nodes
         drive, response = self._exact.under(effects)
         back = np.swapaxes(exp(self._usual(drive, effects)[nodes]), -1, -2)
@@ -459,12 +459,12 @@ class Stage:
         return _strains_by_drive(self.arm)
 
     def _usual(self, drive: Drive, effects: Sequence[PlacedEffect]) -> Floats:
-        """Return the base's turn that the laboratory's registration has taken out, shape (samples, 3)."""
-        taken = recorded_turn(drive.base_rotation, effects) if self.suite.base_recorded else np.zeros(3)
+        """Return the base's rotation that the laboratory's registration has removed, shape (samples, 3)."""
+        taken = recorded_rotation(drive.base_rotation, effects) if self.suite.base_recorded else np.zeros(3)
         return np.broadcast_to(taken, drive.base_rotation.shape)
 
     def _misread(self, placed: PlacedEffect, truth: Floats) -> Floats:
-        """Return stacked readings as an effect of sensing turns them, shape (samples, readings)."""
+        """Return stacked readings as an effect of sensing changes them, shape (samples, readings)."""
         readings = truth.copy()
         for sensor in self.suite.measurements:
             if sensor.name == placed.spot.place.sensor:

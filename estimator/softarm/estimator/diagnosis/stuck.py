@@ -102,7 +102,7 @@ def without_pressures(
 
 
 def stuck_notes(stuck: Sequence[Stuck]) -> list[str]:
-    """Say what stands in for readings that stand still."""
+    """State what stands in for readings that stand still."""
     return [
         f"{one.recording}: {one.sensor} stands still from {one.since:.1f} to {one.until:.1f} s; "
         + (
@@ -133,7 +133,7 @@ def without_repeated(session: Session) -> Session:
 
 
 def find_stuck(stage: Stage) -> tuple[Stuck, ...]:
-    """Find sensors of a session that stand still while the model says that they should move.
+    """Find sensors of a session that stand still although the model predicts motion.
 
     What was read during events counts: one that stands still looks like an event to the intake.
     """

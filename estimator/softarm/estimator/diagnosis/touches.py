@@ -46,7 +46,7 @@ def find_touches(search: Search, fit: Fit | None, specimen: Specimen) -> tuple[D
     Args:
         search: The search, whose common coefficients are learnt beside the findings.
         fit: All findings.
-        specimen: The robot, whose lengths turn bends into displacements.
+        specimen: The robot, whose lengths convert bends into displacements.
 
     Returns:
         What was found, by the clock of the sessions.

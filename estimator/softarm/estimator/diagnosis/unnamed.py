@@ -82,7 +82,7 @@ class Law:
         regime: What it varies with; empty where that may be anything.
         columns: Gives what its coefficients change in a recording, shape (samples, rows, coefficients).
         sizes: Standard deviations of the coefficients that are tried.
-        compared: Whether nominal recordings tell what the arm has of it when it is well.
+        compared: Whether nominal recordings show what the arm has of it when it is well.
     """
 
     place: Place
@@ -141,7 +141,7 @@ class UnnamedLaw:
         return self.probability > LIKELIER and self.gain > CERTAIN
 
     def sentence(self) -> str:
-        """Say how far the known effects fall short of it."""
+        """State how far the known effects fall short of it."""
         where = f" at {describe(self.place)} and depends on the {self.regime}" if self.regime else ""
         acts = f"Something that no known effect explains acts{where}."
         if not self.nearest:

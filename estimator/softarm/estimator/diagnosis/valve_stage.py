@@ -30,7 +30,7 @@ from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import EffectName, Place
 
 LEAST_BIAS = 300.0
-"""Steady error [Pa], and change of it, from which it is told."""
+"""Steady error [Pa], and change of it, from which it is reported."""
 LEAST_DELAY = 0.015
 LEAST_BAND = 300.0
 LEAST_LOSS = 3000.0
@@ -189,7 +189,7 @@ def _scatter(
 def _between_holds(splits: Sequence[Split]) -> float:
     """Pool the scatter of a steady error between the holds of one recording over all valves [Pa].
 
-    One hold, or two shortly after each other, tell nothing of it.
+    One hold, or two shortly after each other, do not determine it.
     """
     several = [split.valve.law for split in splits if split.valve.law.holds > 1]
     squares = sum((law.holds - 1) * law.bias_std**2 for law in several)
@@ -334,7 +334,7 @@ def _probability(size: float, spread: float, recordings: int, valves: int = 1) -
     Args:
         size: What was found, positive.
         spread: Its standard deviation.
-        recordings: Number of recordings that tell the deviation, beside what was known of it.
+        recordings: Number of recordings that determine the deviation, beside what was known of it.
         valves: Number of valves that were looked at.
     """
     return float(stdtr(WORTH + recordings, size / max(spread, 1e-300))) ** valves
@@ -380,7 +380,7 @@ def _evidence(splits: Sequence[Split]) -> Evidence:
     before, after = (float(np.sqrt(np.mean((column / noise) ** 2))) for column in pairs.T)
     gains = 1.0 - pairs[:, 1] / np.maximum(pairs[:, 0], 1e-9)
     count = sum(int(split.heldout.sum()) for split in splits)
-    # Samples of a valve's answer say the same for about its settling time.
+    # Samples of a valve's answer repeat the same information for about its settling time.
     effective = max(count / 50.0, 2.0)
     gain = effective * (before**2 - after**2) / max(after**2, 1.0)
     low, high = (float(gains.min()), float(gains.max())) if len(gains) > 1 else (float(gains[0]),) * 2

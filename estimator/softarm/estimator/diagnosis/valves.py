@@ -29,14 +29,14 @@ STEP = 2000.0
 """Change of a set-point [Pa] from one sample to the next that is a step."""
 LAGS = np.array([0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13, 0.17, 0.22, 0.3, 0.4, 0.55, 0.75])
 LEAST_CHANGE, SUDDEN = 3000.0, 0.1
-"""Set-points must change by so much [Pa] within such a time [s] for a lag to be told from a bias."""
+"""Set-points must change by so much [Pa] within such a time [s] to distinguish a lag from a bias."""
 
 
 class ValveLaw(NamedTuple):
     """What a valve settles at.
 
     Args:
-        holds: How often a set-point below the ceiling was held for long enough to tell what it settles at.
+        holds: How often a set-point below the ceiling was held for long enough to show what it settles at.
         bias: Steady error while open [Pa].
         bias_std: Standard deviation of that between holds [Pa]; 0 where there were less than two.
         gain: Relative error that grows with the set-point.
@@ -72,7 +72,7 @@ class Timing(NamedTuple):
 
 @dataclass(frozen=True)
 class Valve:
-    """What one valve does, where its recording tells.
+    """What one valve does, as far as its recording shows it.
 
     Args:
         chamber: Index.

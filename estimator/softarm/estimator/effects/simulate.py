@@ -134,12 +134,12 @@ def standing_pressures(effects: Sequence[PlacedEffect], world: World, drive: Dri
     return _shape_drive(effects, world, drive, none, list(none)).pressures
 
 
-def recorded_turn(base_rotation: Floats, effects: Sequence[PlacedEffect]) -> Floats:
-    """Return the turn that a recorded base shows at its mean pose, by which the laboratory is found [rad].
+def recorded_rotation(base_rotation: Floats, effects: Sequence[PlacedEffect]) -> Floats:
+    """Return the rotation of a recorded base at its mean pose, which registers the laboratory [rad].
 
     Args:
-        base_rotation: Turn of the base along the recording, shape (samples, 3).
-        effects: The effects that turn it, some of them beneath what is recorded.
+        base_rotation: Rotation of the base along the recording, shape (samples, 3).
+        effects: The effects that rotate it, some of them beneath what is recorded.
 
     Returns:
         Shape (3,).
