@@ -15,7 +15,7 @@ from softarm.estimator.augmented.model import ShapedModel, ShapedStep, Spread
 from softarm.estimator.effects.accepted import accepted_physics
 from softarm.estimator.effects.effect import Memory
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
-from softarm.estimator.effects.readings import QUATERNION, turns
+from softarm.estimator.effects.readings import QUATERNION, has_orientation
 from softarm.estimator.effects.simulate import (
     advance_with,
     recorded_rotation,
@@ -270,7 +270,7 @@ class AugmentedEstimator(Generic[State, Step]):
 
 def undo(reading: Floats, plain: Floats, changed: Floats) -> Floats:
     """Take out of a reading the change that an effect would make in the predicted one, shape (size,)."""
-    if not turns(reading):
+    if not has_orientation(reading):
         return reading - (changed - plain)
     measured, before, after = (from_quaternions(one[-QUATERNION:]) for one in (reading, plain, changed))
     place = reading[:-QUATERNION] - (changed - plain)[:-QUATERNION]

@@ -1,4 +1,4 @@
-"""The effects that a specimen file says its model contains."""
+"""The effects that a specimen file lists as parts of its model."""
 
 import numpy as np
 

@@ -149,7 +149,7 @@ class ModalChange:
         stiffness_ratio: Factor on the modal stiffness.
         inertia_time: a [s]: the segments at its place have a^2 of their stiffness as more inertia.
         damping_time: d [s]: they have d of their stiffness as more damping.
-        base_compliance: C [rad/(N m)], by which the base turns under the moment on it.
+        base_compliance: C [rad/(N m)], by which the base rotates under the moment on it.
     """
 
     added_mass: float = 0.0
@@ -207,7 +207,7 @@ class Effect:
         equivalence: Structural classes: effects that share one look alike to orientation and pressure.
         in_healthy_arms: Whether an arm that is well may have a little of it.
         needs: Excitation without which it cannot be tested.
-        splits: Rival effect to the manoeuvre that tells the two apart.
+        splits: Rival effect to the manoeuvre that distinguishes the two.
         when: What it depends on, in plain words.
         shapes: Sets of its shape parameters, in their order, at which it is tried.
         presences: Gives parameters at which an effect that is no small change of anything is tried as simply
@@ -223,7 +223,7 @@ class Effect:
         along_arm: Gives whether it only stretches the arm, of its parameters.
         hidden_rotation: Gives the rotation of the base that a recorded base does not show [rad], shape (3,),
             of its parameters.
-        hides_reading: Whether its sensor's reading says nothing of the arm any more.
+        hides_reading: Whether its sensor's reading no longer shows the state of the arm.
         shown_by_pressures: Whether a measured pressure shows it, so that it cannot act on one.
     """
 

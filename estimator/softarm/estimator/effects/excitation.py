@@ -21,8 +21,8 @@ STEP_TIME = 0.5
 STEP = 3000.0
 RATIO = 2.0
 """Rates, or amplitudes, this far apart count as two."""
-TURN = 0.5
-"""Gravity turned by more counts as another mount [rad]."""
+LEAST_ROTATION = 0.5
+"""A rotation of gravity by more counts as another mount [rad]."""
 
 
 def inventory(time: Floats, pressures: Floats, gravity: Floats, limits: Floats) -> frozenset[Excitation]:
@@ -98,7 +98,7 @@ def _peaks(pressure: Floats) -> Floats:
 
 
 def mount_turned(gravity: Floats) -> bool:
-    """Return whether gravity, shape (samples, 3), ever points ``TURN`` away from its first direction."""
+    """Return whether gravity, shape (samples, 3), ever points ``LEAST_ROTATION`` away from its start."""
     sizes = np.linalg.norm(gravity, axis=1)
     cosine = (gravity @ gravity[0]) / np.maximum(sizes * sizes[0], 1e-12)
-    return bool(np.arccos(np.clip(cosine, -1.0, 1.0)).max() > TURN) if sizes[0] > 0.0 else False
+    return bool(np.arccos(np.clip(cosine, -1.0, 1.0)).max() > LEAST_ROTATION) if sizes[0] > 0.0 else False

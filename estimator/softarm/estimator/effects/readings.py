@@ -9,7 +9,7 @@ QUATERNION = 4
 """Entries of an orientation; a pose has as many after its place."""
 
 
-def turns(reading: Floats) -> bool:
+def has_orientation(reading: Floats) -> bool:
     """Return whether a reading is an orientation or a pose."""
     return reading.shape[-1] in (QUATERNION, 3 + QUATERNION)
 
@@ -22,10 +22,10 @@ def with_offset(reading: Floats, offset: Floats) -> Floats:
         offset: Rotation vector, or what is added to a value; entries that it lacks are zero, shape (size,)
             or (samples, size).
     """
-    whole = np.zeros((len(reading), 3 if turns(reading) else reading.shape[-1]))
+    whole = np.zeros((len(reading), 3 if has_orientation(reading) else reading.shape[-1]))
     size = min(whole.shape[1], offset.shape[-1])
     whole[:, :size] = offset[..., :size]
-    if not turns(reading):
+    if not has_orientation(reading):
         changed: Floats = reading + whole
         return changed
     quaternions = to_quaternions(from_quaternions(reading[:, -QUATERNION:]) @ exp(whole))

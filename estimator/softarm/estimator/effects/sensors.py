@@ -4,7 +4,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
-from softarm.estimator.effects.readings import QUATERNION, turns, with_offset
+from softarm.estimator.effects.readings import QUATERNION, has_orientation, with_offset
 from softarm.estimator.effects.world import Spot, sensors
 from softarm.estimator.rotations import exp, from_quaternions, log, to_quaternions
 
@@ -12,7 +12,7 @@ BEND = 2  # entries of a reading of two bend angles
 
 
 def frame_misalignment(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
-    """Turn the reading about the arm's axis: two bend axes, or a frame. A single marker is moved along it."""
+    """Rotate the reading about the arm's axis: two bend axes, or a frame. Move a single marker along it."""
     (yaw,) = theta
     if signals.reading.shape[-1] == BEND:
         rotation = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
@@ -39,7 +39,7 @@ FRAME_MISALIGNMENT = Effect(
 
 
 def sensor_bias(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
-    """Offset the reading in the sensor's own axes: angles by a constant, a frame by a small turn."""
+    """Offset the reading in the sensor's own axes: angles by a constant, a frame by a small rotation."""
     return with_offset(signals.reading, theta), memory
 
 
@@ -100,17 +100,17 @@ def sensor_latency(signals: Signals, theta: Floats, spot: Spot, memory: Memory) 
     (delay,) = theta
     times, values = memory or (signals.time[:1] - LONGEST, signals.reading[:1])
     times, values = np.concatenate([times, signals.time]), np.concatenate([values, signals.reading])
-    if turns(signals.reading):
+    if has_orientation(signals.reading):
         values = np.concatenate([values[:, :-QUATERNION], _unflipped(values[:, -QUATERNION:])], axis=-1)
     late = np.stack([np.interp(signals.time - delay, times, column) for column in values.T], axis=-1)
-    if turns(signals.reading):
+    if has_orientation(signals.reading):
         late[:, -QUATERNION:] /= np.linalg.norm(late[:, -QUATERNION:], axis=-1, keepdims=True)
     recent = max(int(np.searchsorted(times, times[-1] - LONGEST)) - 1, 0)
     return late, (times[recent:], values[recent:])
 
 
 def _unflipped(quaternions: Floats) -> Floats:
-    """Return the quaternions of the same turns without a jump from q to -q, shape (samples, 4)."""
+    """Return the quaternions of the same rotations without a jump from q to -q, shape (samples, 4)."""
     flips = np.where((quaternions[1:] * quaternions[:-1]).sum(axis=-1) < 0.0, -1.0, 1.0)
     signs = np.concatenate([[1.0], np.cumprod(flips)])
     unflipped: Floats = quaternions * signs[:, None]
@@ -138,10 +138,10 @@ SENSOR_LATENCY = Effect(
 def sensor_scale(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
     """Scale the reading: y -> (1 + s) y.
 
-    A frame shows too much of its way and of its turn from where it was first seen.
+    The displacement and the rotation of a frame from its first pose are both scaled.
     """
     factor, reading = 1.0 + theta[0], signals.reading
-    if not turns(reading):
+    if not has_orientation(reading):
         return factor * reading, memory
     (first,) = memory or (reading[0],)
     rest = from_quaternions(first[-QUATERNION:])

@@ -8,7 +8,7 @@ from softarm.estimator.effects.world import AROUND, Spot, everywhere, moving_sec
 
 
 def base_compliance(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
-    """Turn a mount that yields by C M about x and y, M the moment of all weights and loads about the base."""
+    """Rotate a compliant mount by C M about x and y, M the moment of weights and loads about the base."""
     (compliance,) = theta
     return compliance * signals.moment * np.array([1.0, 1.0, 0.0]), memory
 
@@ -36,10 +36,10 @@ BASE_COMPLIANCE = Effect(
 
 
 def base_tilt(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
-    """Turn the base by a constant about its x and y axes, gravity staying where it is.
+    """Rotate the base by a constant angle about its x and y axes, gravity staying where it is.
 
     Where the recording shows the base, part of the rotation may lie beneath what is seen: all of it where the
-    clamp sits askew in its mount, none where the mount itself is turned.
+    clamp sits askew in its mount, none where the mount itself is rotated.
     """
     return np.tile(np.append(theta[:2], 0.0), (len(signals.time), 1)), memory
 
