@@ -15,7 +15,7 @@ from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.recording import BEND_SUFFIXES, Recording
 from softarm.estimator.specimen import Specimen
 
-TURN = 2.0 * np.pi
+FULL_CIRCLE = 2.0 * np.pi
 """Bend [rad] that no section reaches: it would lie around itself."""
 ANGLES = {"radians": (1.0, 0.0), "degrees": (np.pi / 180.0, -3.0)}
 """Factor to radians and logarithm of the prior over that of the others."""
@@ -35,7 +35,7 @@ def around_themselves(recording: Recording) -> tuple[str, ...]:
     """List the sections whose bends are larger than any in radians."""
     bends = {section: np.linalg.norm(recording.bend(section), axis=1) for section in recording.bends}
     read = {section: bend[np.isfinite(bend)] for section, bend in bends.items()}
-    return tuple(s for s, bend in read.items() if len(bend) and np.percentile(bend, 99.5) > TURN)
+    return tuple(s for s, bend in read.items() if len(bend) and np.percentile(bend, 99.5) > FULL_CIRCLE)
 
 
 def mixed_bends(

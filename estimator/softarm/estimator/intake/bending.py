@@ -34,7 +34,7 @@ swing without any damping about both rests, leave as much."""
 OVER_NOISE = 3.0
 """Standard deviation of motion along a line, in those of a marker's noise, from which it shows a direction:
 noise then leaves a twentieth of the variance across the line."""
-TURN = np.radians(35.0)
+LEAST_ROTATION = np.radians(35.0)
 """Rotation about the arm's axis from which the laboratory counts as rotated. In 400 simulated recordings of
 SoPrA with up to two faults of the arm, the 224 that show directions are rotated by up to 21 degrees."""
 
@@ -77,8 +77,8 @@ class BendingDirections:
 
     @property
     def as_specimen(self) -> bool:
-        """Whether the arm bends as the specimen's azimuths say, and clearly not mirrored."""
-        return self.is_handed and abs(self.rotation) < TURN
+        """Whether the arm bends as the specimen's azimuths predict, and clearly not mirrored."""
+        return self.is_handed and abs(self.rotation) < LEAST_ROTATION
 
     @property
     def is_mirrored(self) -> bool:
@@ -88,7 +88,7 @@ class BendingDirections:
     @property
     def is_rotated(self) -> bool:
         """Whether the laboratory is clearly rotated about the arm's axis; see ``is_handed``."""
-        return (self.is_handed or self._on_line) and abs(self.rotation) >= TURN
+        return (self.is_handed or self._on_line) and abs(self.rotation) >= LEAST_ROTATION
 
     @property
     def is_handed(self) -> bool:

@@ -28,7 +28,7 @@ def rigid_bodies(recording: Recording, specimen: Specimen) -> list[tuple[str, ..
 
 
 def mend_places(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Leave out a marker that is off its place in its body, and say so where it is not clear which one is."""
+    """Leave out a marker that is off its place in its body, or report that it is unclear which one is."""
     faults = []
     for names in rigid_bodies(recording, specimen):
         off = _differences(recording, specimen, names)

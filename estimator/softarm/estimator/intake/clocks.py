@@ -48,7 +48,7 @@ BETTER = 0.7
 """And the most of the variance left within ``ALLOWED`` that may be left there."""
 FORM = 0.05
 """Share of the variance that a linear law leaves of an arm's nonlinear response at the right shift: 0.1 to
-4 % in the poses and steps of simulated arms. What is left below it says nothing about the clocks."""
+4 % in the poses and steps of simulated arms. What is left below it shows nothing about the clocks."""
 SHORTEST = 10.0
 APART = 1.5
 """Shifts farther apart than this [s] are different explanations."""
@@ -256,13 +256,13 @@ def _seconds(recording: Recording) -> float:
 
 
 def find_shifts(recording: Recording, specimen: Specimen) -> Shifts | None:
-    """Judge every shift of every sensor by its levels; ``None`` where nothing can be said."""
+    """Judge every shift of every sensor by its levels; ``None`` where nothing can be determined."""
     reach = min(LONGEST, LONGEST_SHARE * _seconds(recording))
     return _judged(recording, specimen, _step(recording), reach, ALLOWED)
 
 
 def find_delays(recording: Recording, specimen: Specimen) -> Shifts | None:
-    """Judge every short delay of every sensor by its changes; ``None`` where nothing can be said."""
+    """Judge every short delay of every sensor by its changes; ``None`` where nothing can be determined."""
     step = float(np.median(np.diff(recording.time))) if len(recording.time) > 1 else STEP
     return _judged(recording, specimen, max(STEP, step), REACH, DELAY, CHANGE)
 
@@ -298,9 +298,11 @@ def _judged(
     if not moved.any():
         return None
     names = tuple(streams[number].name for number in numbers[moved])
-    # Neighbouring windows that say the same count once.
-    said = grid.step * float(np.mean([correlation_length(column) for column in _centred(motion).T]))
-    samples = seconds / said * (_active(motion) * _directions(motion) if change else 1.0)
+    # Correlated neighbouring windows count once.
+    independent_time = grid.step * float(
+        np.mean([correlation_length(column) for column in _centred(motion).T])
+    )
+    samples = seconds / independent_time * (_active(motion) * _directions(motion) if change else 1.0)
     return Shifts(
         names,
         lags,

@@ -11,7 +11,7 @@ from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.body import Section
 
 HALF = 0.06
-"""Half the length of a segment [m]: about its middle a bend turns what is below."""
+"""Half the length of a segment [m]: about its middle a bend rotates what is below."""
 ALIKE = 0.8
 """Share of an event's size that a pressure must explain to be called equivalent."""
 

@@ -52,7 +52,7 @@ def find_events(recording: Recording, specimen: Specimen) -> tuple[Disturbance, 
 
     Args:
         recording: What was recorded, in the right units and on one clock.
-        specimen: The robot, whose lengths turn bends into displacements.
+        specimen: The robot, whose lengths convert bends into displacements.
     """
     streams = streams_of(recording, specimen)
     if not _has_law(recording, streams):
@@ -138,7 +138,7 @@ def _runs(flags: Flags, time: Floats) -> list[float]:
 
 
 def _between(times: Sequence[float]) -> list[tuple[float, float]]:
-    """Turn moments of unprovoked motion into stretches: those close together begin and end one touch."""
+    """Join moments of unprovoked motion into stretches: those close together begin and end one touch."""
     return [(begin, end if end > begin else end + 3.0) for begin, end in joined(times, TOUCH)]
 
 
@@ -165,7 +165,7 @@ def _pulled(recording: Recording, grid: Grid) -> Flags:
 def _watched(
     recording: Recording, specimen: Specimen, streams: Sequence[SampledStream], fit: HeldOutErrors
 ) -> Watched:
-    """Say what the streams of a recording are."""
+    """Describe the streams of a recording."""
     grid, levers = fit.grid, np.zeros((len(fit.grid.units), 2))
     sections = {section.name: section for section in specimen.sections}
     for number in fit.numbers:

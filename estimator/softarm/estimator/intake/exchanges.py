@@ -1,6 +1,6 @@
 """Markers of one rigid body whose names change places during a recording.
 
-The distances in a body do not change, and from one sample to the next it hardly turns. Where names change
+The distances in a body do not change, and from one sample to the next it hardly rotates. Where names change
 places, markers jump by the distance between them; under the names before, the body goes on.
 """
 
@@ -19,7 +19,7 @@ from softarm.estimator.recording import MARKER_SUFFIXES, Recording
 from softarm.estimator.specimen import Specimen
 
 GOES_ON = 0.25
-"""Share of a jump that is left at most under other names: a body turns by less than a quarter of a radian
+"""Share of a jump that is left at most under other names: a body rotates by less than a quarter of a radian
 between two samples."""
 LISTED = 3
 """Stretches up to which each is listed."""

@@ -82,7 +82,7 @@ def _listed(names: object) -> str:
 
 
 def _swapped(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Refuse channels that look exchanged without any model: which of the two is wrong, nobody can tell."""
+    """Refuse channels that look exchanged without any model, since the wrong one cannot be identified."""
     try:
         refuse_swapped_channels(recording, specimen)
     except InputError as error:

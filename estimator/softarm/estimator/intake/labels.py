@@ -333,8 +333,8 @@ def _likelihood(points: Points, specimen: Specimen, labels: Labels, mirrored: bo
     for section in specimen.sections[1:]:
         if section.name not in fitted:
             continue
-        turned, placed, _ = fitted[section.name]
-        relative = np.einsum("nji,njk->nik", rotations, turned)
+        rotated, placed, _ = fitted[section.name]
+        relative = np.einsum("nji,njk->nik", rotations, rotated)
         place = np.einsum("nji,nj->ni", rotations, placed - centres)
         expected = rest.T @ (np.array(section.frame_origin_m) - np.array(base.frame_origin_m))
         away = np.median(np.linalg.norm(place - expected, axis=1)) / (REACH * np.linalg.norm(expected))

@@ -188,8 +188,8 @@ def _markers(recording: Recording, specimen: Specimen) -> Bodies:
     bodies = {}
     for marker in known:
         section = specimen.section(marker.section)
-        turn = from_quaternions(np.array(section.frame_quaternion))
-        rest = np.array(section.frame_origin_m) + turn @ np.array(marker.offset_m)
+        rotation = from_quaternions(np.array(section.frame_quaternion))
+        rest = np.array(section.frame_origin_m) + rotation @ np.array(marker.offset_m)
         place = _usual(recording.marker(marker.name))
         if np.isfinite(place).all():
             bodies[f"marker_{marker.name}"] = (place, rest)

@@ -129,14 +129,16 @@ def _placeholders(values: Floats, kind: str) -> Flags:
         values: As recorded, shape (samples, 2, 3 or 7).
         kind: Of the body.
     """
-    places, turns = values[:, :3], values[:, 3:]
+    places, quaternions = values[:, :3], values[:, 3:]
     alike = np.asarray((places == places[:, :1]).all(axis=1) & (places[:, 0] != 0.0))
     if kind == "bend":
         return np.asarray(alike & (np.abs(places[:, 0]) > LARGEST_BEND))
     none = np.zeros(len(values), dtype=bool)
     if kind == "frame":
-        norms = np.linalg.norm(turns, axis=1)
-        none = np.asarray((turns == turns[:, :1]).all(axis=1) & (norms > 0.0) & (np.abs(norms - 1.0) > UNIT))
+        norms = np.linalg.norm(quaternions, axis=1)
+        none = np.asarray(
+            (quaternions == quaternions[:, :1]).all(axis=1) & (norms > 0.0) & (np.abs(norms - 1.0) > UNIT)
+        )
     seen = np.isfinite(places).all(axis=1) & ~alike & ~none
     if seen.sum() <= alike.sum():
         return none

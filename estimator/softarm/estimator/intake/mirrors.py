@@ -36,7 +36,7 @@ def mirror_frames(recording: Recording, axis: int, *, whole: bool = False) -> Re
         recording: With frames.
         axis: Number of the axis.
         whole: Whether orientations R are mirrored too, to M R M with the positions' mirror M; of their
-            quaternions this turns the sign of the components across the axis.
+            quaternions this reverses the sign of the components across the axis.
     """
     ends = [f"_{AXES[axis]}_m"]
     if whole:
@@ -54,8 +54,8 @@ def marker_distance(recording: Recording, specimen: Specimen) -> float:
             pose, seen = recording.pose(marker.section), recording.marker(marker.name)
             rows = _some(np.isfinite(np.column_stack([pose, seen])).all(axis=1))
             if len(rows):
-                turns = from_quaternions(pose[rows, 3:])
-                own = np.einsum("nji,nj->ni", turns, seen[rows] - pose[rows, :3])
+                rotations = from_quaternions(pose[rows, 3:])
+                own = np.einsum("nji,nj->ni", rotations, seen[rows] - pose[rows, :3])
                 distances.append(float(np.median(np.linalg.norm(own - np.array(marker.offset_m), axis=1))))
     return float(np.mean(distances)) if distances else np.nan
 

@@ -3,7 +3,7 @@
 The base's frame or markers register the laboratory. Without them positions count as given in the base
 frame, and that can be checked: with low pressures each section is near its rest, and chambers bend the arm
 away from their azimuths (``bending``). The latter holds behind a registration too: a body of the base that is
-turned about its axis, or a laboratory whose positions and orientations are both left-handed, contradict
+rotated about its axis, or a laboratory whose positions and orientations are both left-handed, contradict
 nothing else.
 """
 
@@ -43,7 +43,7 @@ def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     words = (
         _off_rest(recording, specimen, bodies)
         or _tilted(recording, specimen)
-        or _turned(recording, specimen, bodies)
+        or _rotated(recording, specimen, bodies)
     )
     if not words:
         return recording, ()
@@ -167,7 +167,7 @@ def _calm(recording: Recording, specimen: Specimen) -> tuple[NDArray[np.bool_], 
     return calm, 1.0 if lowest <= RESTING * sum(specimen.pressure_limits) else BENT
 
 
-def _turned(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
+def _rotated(recording: Recording, specimen: Specimen, bodies: list[LooseBody]) -> str:
     """State by how much the directions in which pressures bend the arm are rotated, if they are."""
     found = bending_directions(recording, specimen, bodies)
     return "" if found is None else _directions(found, handed=False)

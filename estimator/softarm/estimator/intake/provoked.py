@@ -126,6 +126,6 @@ def _largest_slopes(grid: Grid) -> Floats:
 
 
 def _noise(values: Floats) -> Floats:
-    turns = np.abs(np.diff(values, n=2, axis=0))
-    noise: Floats = np.nan_to_num(np.nanmedian(turns, axis=0)) * MAD_TO_STD / np.sqrt(6.0)
+    second_differences = np.abs(np.diff(values, n=2, axis=0))
+    noise: Floats = np.nan_to_num(np.nanmedian(second_differences, axis=0)) * MAD_TO_STD / np.sqrt(6.0)
     return noise

@@ -12,7 +12,7 @@ from softarm.estimator.series import inside
 
 Kind = Literal["unit", "offset", "sign", "labels", "frame", "clock", "limit", "lost", "stuck", "structure"]
 NO_MISMATCH = ("limit", "lost")
-"""Kinds that say which readings were left out, and nothing of frames, labels, units or clocks."""
+"""Kinds that report which readings were left out, and no error of frames, labels, units or clocks."""
 MOTION = ("bend_", "frame_", "marker_")
 
 

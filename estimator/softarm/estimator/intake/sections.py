@@ -1,9 +1,9 @@
-"""Frames of sections: exchanged, mirrored, turned on their bodies, or with quaternions in another order.
+"""Frames of sections: exchanged, mirrored, rotated on their bodies, or with quaternions in another order.
 
 Positions must follow from orientations: between two sections an arm of length L runs along the mean of
 their axes,
-p_2 - p_1 = L (R_1 e_z + R_2 e_z) / 2 up to a tenth of L, however it bends. Turning the whole laboratory
-keeps that; the base's frame registers it. A mirror M of positions alone does not keep it. With the
+p_2 - p_1 = L (R_1 e_z + R_2 e_z) / 2 up to a tenth of L, however it bends. A rotation of the whole
+laboratory keeps that; the base's frame registers it. A mirror M of positions alone does not keep it. With the
 orientations M R M it does, up to the sign of all axes where M mirrors z: the same as bodies that are all
 upside down, from which the markers or the pressures distinguish it.
 """
@@ -35,7 +35,7 @@ CHORD, VARYING = 0.1, 0.03
 bends as a circle."""
 EXCHANGED = -4.0
 """Logarithm of the prior per exchanged name."""
-TURNED = -5.0
+REORIENTED = -5.0
 """And of a mirrored axis, of quaternions in another order, or of a base whose body points elsewhere."""
 WRONG_BEND = np.radians(2.0)
 """Bends this near to the frames' tilts are those of their sections."""
@@ -73,7 +73,7 @@ class SensorChannels:
 
 
 def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Find exchanged sections and mirrored or turned frames, and mend them where one explanation wins."""
+    """Find exchanged sections and mirrored or rotated frames, and mend them where one explanation wins."""
     names = [section.name for section in specimen.sections if section.name in recording.frames]
     if len(names) < 2 or names[0] != specimen.sections[0].name:
         return recording, ()
@@ -81,14 +81,14 @@ def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, 
     if len(poses) < 2:
         return recording, ()
     heights = np.array([specimen.section(name).frame_origin_m[2] for name in names])
-    turns = [from_quaternions(poses[:, k, 3:]) for k in range(len(names))]
+    rotations = [from_quaternions(poses[:, k, 3:]) for k in range(len(names))]
     tried = [
-        Explanation(setup, _prior(setup) - 0.5 * _squares(poses, turns, heights, setup))
+        Explanation(setup, _prior(setup) - 0.5 * _squares(poses, rotations, heights, setup))
         for setup in _setups(len(names))
     ]
     choice = choose(tried)
     best = choice.best.what
-    off = _distance(poses, turns, heights, best)
+    off = _distance(poses, rotations, heights, best)
     plain = best == _setups(len(names))[0]
     if off > (MISFIT if plain else MENDED) * CHORD * heights[-1]:
         what = f"positions and orientations of {', '.join(names)} contradict each other by {1e3 * off:.0f} mm"
@@ -119,7 +119,7 @@ def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, 
         what = f"{words}, and the markers fit the frames neither with that axis mirrored nor without"
         cure = "export frames and markers in one right-handed laboratory"
         return recording, (RecordingFault(recording.name, "frame", columns, what, cure, False, choice.odds),)
-    off, before = (_distance(poses, turns, heights, setup) for setup in (best, tried[0].what))
+    off, before = (_distance(poses, rotations, heights, setup) for setup in (best, tried[0].what))
     fits = f"positions follow from orientations to {1e3 * off:.0f} instead of {1e3 * before:.0f} mm"
     what = f"{words}{follow}: {fits}"
     mismatch = RecordingFault(
@@ -175,37 +175,39 @@ def _setups(count: int) -> list[SensorChannels]:
 
 def _prior(setup: SensorChannels) -> float:
     moved = sum(label != k for k, label in enumerate(setup.labels))
-    turned = setup.axis != 2 or setup.sign < 0.0 or setup.reversed or setup.scalar_last
-    return EXCHANGED * 0.5 * moved + TURNED * (setup.mirrored is not None) + TURNED * turned
+    reoriented = setup.axis != 2 or setup.sign < 0.0 or setup.reversed or setup.scalar_last
+    return EXCHANGED * 0.5 * moved + REORIENTED * (setup.mirrored is not None) + REORIENTED * reoriented
 
 
-def _squares(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: SensorChannels) -> float:
+def _squares(poses: Floats, rotations: Sequence[Floats], heights: Floats, setup: SensorChannels) -> float:
     """Compute squared errors of all chords and of a base that stays where it is, in their deviations."""
     base = poses[:, setup.labels[0], :3]
     moved = float(((base - base.mean(axis=0)) ** 2).sum(axis=1).mean()) / (VARYING * heights[-1]) ** 2
-    errors = _chord_errors(poses, turns, heights, setup)
+    errors = _chord_errors(poses, rotations, heights, setup)
     middle = errors.mean(axis=0)
     constant = float((middle**2).sum()) / (CHORD * heights[-1]) ** 2
     varying = float(((errors - middle) ** 2).sum(axis=(1, 2)).mean()) / (VARYING * heights[-1]) ** 2
     return float(constant + varying + moved)
 
 
-def _distance(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: SensorChannels) -> float:
+def _distance(poses: Floats, rotations: Sequence[Floats], heights: Floats, setup: SensorChannels) -> float:
     """Compute the rms error of a chord [m]."""
-    errors = _chord_errors(poses, turns, heights, setup)
+    errors = _chord_errors(poses, rotations, heights, setup)
     return float(np.sqrt((errors**2).sum(axis=2).mean()))
 
 
-def _chord_errors(poses: Floats, turns: Sequence[Floats], heights: Floats, setup: SensorChannels) -> Floats:
+def _chord_errors(
+    poses: Floats, rotations: Sequence[Floats], heights: Floats, setup: SensorChannels
+) -> Floats:
     """Compute measured minus expected chords [m], shape (samples, chords, 3)."""
     mirror = np.ones(3)
     if setup.mirrored is not None:
         mirror[setup.mirrored] = -1.0
     places = poses[:, list(setup.labels), :3] * mirror
     if setup.scalar_last:
-        turns = [from_quaternions(poses[:, k, 3:][:, SCALAR_FIRST]) for k in range(len(turns))]
-    axes = [turns[k][:, :, 2] for k in setup.labels]
-    axes[0] = setup.sign * turns[setup.labels[0]][:, :, setup.axis]
+        rotations = [from_quaternions(poses[:, k, 3:][:, SCALAR_FIRST]) for k in range(len(rotations))]
+    axes = [rotations[k][:, :, 2] for k in setup.labels]
+    axes[0] = setup.sign * rotations[setup.labels[0]][:, :, setup.axis]
     along = -1.0 if setup.reversed else 1.0
     steps = [
         along * 0.5 * (upper - lower) * (one + other)
@@ -249,7 +251,7 @@ def _shown(
     recording: Recording, specimen: Specimen, names: Sequence[str], rivals: Sequence[SensorChannels]
 ) -> SensorChannels | None:
     """Return the only one of some explanations that markers or pressures agree with."""
-    if any(setup.axis != 2 or setup.sign < 0.0 for setup in rivals):  # such a body may be turned about z
+    if any(setup.axis != 2 or setup.sign < 0.0 for setup in rivals):  # such a body may be rotated about z
         return None
     mended = [_mended(recording, specimen, names, setup)[0] for setup in rivals]
     shown = only_agreeing(mended, specimen)

@@ -21,7 +21,7 @@ BELOW = 0.15
 
 
 def mend_signs(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Turn gauges whose cord would push, and refuse pressures far below that of the air."""
+    """Reverse the sign of gauges whose cord would push, and refuse pressures far below that of the air."""
     suction = _suction(recording, specimen)
     return (recording, suction) if suction else _pull_signs(recording)
 
@@ -41,7 +41,7 @@ def _suction(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, 
 
 
 def _pull_signs(recording: Recording) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Turn gauges whose cord would push: pull is positive, and a cord cannot push."""
+    """Reverse the sign of gauges whose cord would push: pull is positive, and a cord cannot push."""
     columns, faults = dict(recording.columns), []
     tied: Mapping[str, object] = {**recording.info, **({"hook": True} if "hook" in recording.markers else {})}
     if not {"hook", "gauge_section", "gauge_direction"} & set(tied):

@@ -3,7 +3,7 @@
 A sensor that lives shows noise. Where one repeats a number for seconds although it shows noise at other
 times, or another one shows noise meanwhile, it stands still. Where it goes on showing noise, what it should
 see decides: chambers bend a section towards their azimuths a_k, so the drive v = sum_k p_k (cos a_k, sin a_k)
-becomes a bend B v, with B a gain times a rotation or a reflection. Each axis tells what the other should see.
+becomes a bend B v, with B a gain times a rotation or a reflection. Each axis shows what the other should see.
 Where a bend lags or its clock is shifted, the drive at the lag that explains it best counts; at another
 one it would seem to stand still in every pose that is held for hardly longer than that lag.
 A body that hangs below one that moves cannot stand still, nor can a marker whose distances from the others of
@@ -39,7 +39,7 @@ EXPLAINED = 0.6
 LAGS = np.arange(-2.5, 2.55, 0.05)
 """Lags of a bend behind its drive [s] that are tried; longer ones leave the gain of no axis known."""
 EXCITED = 0.2
-"""Directions in which the drive moves by less than this share of its strongest tell no gain."""
+"""Directions in which the drive moves by less than this share of its strongest show no gain."""
 
 
 @dataclass(frozen=True)

@@ -64,8 +64,8 @@ def streams_of(recording: Recording, specimen: Specimen) -> tuple[SampledStream,
 
     Markers that the specimen does not name, such as one on the hook of a gauge, are no part of the arm.
 
-    Orientations become rotation vectors about their mean, in the laboratory's axes: turning the laboratory
-    turns them as it turns positions.
+    Orientations become rotation vectors about their mean, in the laboratory's axes: a rotation of the
+    laboratory rotates them as it rotates positions.
     """
     bends = [_bend(recording, section) for section in recording.bends]
     frames = [_frame(recording, section) for section in recording.frames]

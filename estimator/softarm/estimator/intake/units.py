@@ -53,7 +53,7 @@ STATED = {
 }
 """Units that ``pressure_unit`` may state."""
 BEYOND_LIMIT = 10.0
-"""Times the limit that no pressure reaches: no chamber bears it, so a unit that says so is another."""
+"""Times the limit that no pressure reaches: no chamber bears it, so a unit that implies it is wrong."""
 USUAL_PRESSURE, BELOW, ABOVE = 0.6, 1.0, 0.4
 """Usual largest pressure over the limit, and its spread (logarithm) below and above."""
 USUAL_BEND, BEND_SPREAD = 0.8, 1.0
@@ -214,7 +214,7 @@ def _single_chambers(
                 continue
             wanted = shown if moves else usual
             unit = min(PRESSURES, key=lambda one: abs(np.log(PRESSURES[one][0] * span / wanted)))
-            if unit == "pascals":  # its other column says that the chamber was hardly opened
+            if unit == "pascals":  # its other column shows that the chamber was hardly opened
                 continue
             columns[name] = recording.columns[name] * PRESSURES[unit][0]
             top = float(np.nanmax(recording.columns[name]))
@@ -477,7 +477,7 @@ def _limit(name: str, specimen: Specimen) -> float:
 
 
 def _named(recording: Recording, units: Units) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Name the columns at fault and say how they differ."""
+    """Name the columns at fault and state how they differ."""
     columns: list[str] = []
     words: list[str] = []
     for kind in ("measured", "commanded"):

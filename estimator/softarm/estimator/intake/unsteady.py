@@ -32,7 +32,7 @@ from softarm.estimator.series import joined
 from softarm.estimator.statistics import MAD_TO_STD
 
 SHORTEST = 20.0
-"""Shorter recordings [s] hold too little of any law to tell an event from it."""
+"""Shorter recordings [s] hold too little of any law to distinguish an event from it."""
 MOST = 600
 """Windows of a recording at most."""
 FINEST = 0.1
