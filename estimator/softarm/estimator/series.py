@@ -34,25 +34,25 @@ def nearest(wanted: Floats, time: Floats, values: Floats, reach: float) -> Float
     Args:
         wanted: Times at which it is wanted [s], shape (wanted,).
         time: Times of the column [s], shape (samples,).
-        values: The column, shape (samples,).
+        values: The column, or columns, shape (samples, ...).
         reach: Largest distance [s].
     """
     after = np.clip(np.searchsorted(time, wanted), 0, len(time) - 1)
     before = np.maximum(after - 1, 0)
     closer = np.where(np.abs(time[before] - wanted) <= np.abs(time[after] - wanted), before, after)
-    return np.where(np.abs(time[closer] - wanted) <= reach, values[closer], np.nan)
+    near = (np.abs(time[closer] - wanted) <= reach).reshape(-1, *(1,) * (values.ndim - 1))
+    return np.where(near, values[closer], np.nan)
 
 
 def delayed(time: Floats, values: Floats, lag: float) -> Floats:
-    """Return columns as they were some time before, NaN beyond the ends, shape (samples, columns).
+    """Return the nearest readings of some time before, NaN beyond the ends, shape (samples, ...).
 
     Args:
         time: [s], shape (samples,).
-        values: Shape (samples, columns).
+        values: Shape (samples, ...).
         lag: How long before [s]; negative for later.
     """
-    reach = float(np.median(np.diff(time)))
-    return np.column_stack([nearest(time - lag, time, column, reach) for column in values.T])
+    return nearest(time - lag, time, values, float(np.median(np.diff(time))))
 
 
 def window_means(values: Floats, windows: Indices, count: int) -> Floats:

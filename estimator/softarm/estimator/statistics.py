@@ -48,3 +48,19 @@ def correlation_length(values: Floats) -> float:
     ends = np.flatnonzero(correlation <= 0.0)
     end = int(ends[0]) if len(ends) else len(correlation)
     return float(min(1.0 + 2.0 * correlation[1:end].sum(), count / 2))
+
+
+def unexplained_share(causes: Floats, effects: Floats, least: int) -> float:
+    """Return the share of the variance of some columns that a linear regression on others leaves.
+
+    Args:
+        causes: NaN where absent, shape (samples, causes).
+        effects: NaN where absent, shape (samples, effects).
+        least: Complete samples below which nothing counts as explained.
+    """
+    seen = np.isfinite(causes).all(axis=1) & np.isfinite(effects).all(axis=1)
+    if seen.sum() < least:
+        return 1.0
+    causes, effects = (part[seen] - part[seen].mean(axis=0) for part in (causes, effects))
+    residual = effects - causes @ np.linalg.lstsq(causes, effects, rcond=None)[0]
+    return float((residual**2).sum()) / max(float((effects**2).sum()), 1e-12)

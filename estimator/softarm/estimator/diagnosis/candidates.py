@@ -94,7 +94,7 @@ def surprise(fit: Fit) -> float:
 
 
 def is_distinguishable(fit: Fit, number: int) -> bool:
-    """Return whether an effect is as likely against none as an amplitude of ``SIGNIFICANT_Z`` deviations.
+    """Return whether an effect is as clear of zero as an amplitude of ``SIGNIFICANT_Z`` deviations.
 
     At a given shape an effect is linear in its amplitudes a, and with none of them it has no shape. So twice
     the logarithm of the likelihood ratio is a' C^-1 a, with C their covariance at the shape that was fitted,

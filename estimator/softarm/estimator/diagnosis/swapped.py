@@ -11,6 +11,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.series import delayed
 from softarm.estimator.specimen import Specimen
+from softarm.estimator.statistics import unexplained_share
 
 CLEARLY = 0.35
 """Share of the squares that an exchange must leave at most."""
@@ -103,21 +104,9 @@ def _unexplained(recording: Recording, section: str, chambers: Sequence[int]) ->
     pressures = np.column_stack([recording.pressure(k)[0] for k in chambers])
     if len(recording.time) < 2:
         return 1.0
-    return min(_left(bend, delayed(recording.time, pressures, lag)) for lag in LAGS)
-
-
-def _left(bend: Floats, pressures: Floats) -> float:
-    """Return the share of a bend's variance that a linear regression on pressures leaves."""
-    chambers = pressures.shape[1]
-    observed = np.isfinite(bend).all(axis=1) & np.isfinite(pressures).all(axis=1)
-    if observed.sum() < 10 * chambers:
-        return 1.0
-    bend, pressures = (
-        bend[observed] - bend[observed].mean(axis=0),
-        pressures[observed] - pressures[observed].mean(axis=0),
-    )
-    residual = bend - pressures @ np.linalg.lstsq(pressures, bend, rcond=None)[0]
-    return float((residual**2).sum()) / max(float((bend**2).sum()), 1e-12)
+    least = 10 * len(chambers)
+    late = (delayed(recording.time, pressures, lag) for lag in LAGS)
+    return min(unexplained_share(one, bend, least) for one in late)
 
 
 def refuse_swapped(stages: Sequence[Stage]) -> None:

@@ -108,8 +108,8 @@ def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
     """Find the pressures [Pa] that valves do not pass in any of some recordings, by their chambers."""
     opened: dict[int, list[tuple[Floats, Floats, Floats]]] = {}
     for recording in recordings:
-        for chamber, *signals in _opened(recording):
-            opened.setdefault(chamber, []).append((signals[0], signals[1], signals[2]))
+        for chamber, time, setpoint, measured in _opened(recording):
+            opened.setdefault(chamber, []).append((time, setpoint, measured))
     ceilings = {}
     for chamber, recorded in opened.items():
         holds = [_holds(*signals) for signals in recorded]

@@ -26,7 +26,7 @@ from softarm.estimator.intake.law import first_order
 from softarm.estimator.intake.result import MOTION, RecordingFault
 from softarm.estimator.intake.streams import streams_of
 from softarm.estimator.recording import Recording
-from softarm.estimator.series import nearest
+from softarm.estimator.series import delayed
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.statistics import correlation_length
 
@@ -223,7 +223,7 @@ def _mended(
         return moved_pressures(recording, lag), (mismatch,)
     what += ", other sensors are not: its clock did not start with theirs"
     moved = {
-        name: _moved(recording.time, values, -lag) if name.startswith(f"{subject}_") else values
+        name: delayed(recording.time, values, -lag) if name.startswith(f"{subject}_") else values
         for name, values in recording.columns.items()
     }
     mismatch = RecordingFault(recording.name, "clock", columns, what, "moved for this run", True, odds)
@@ -439,12 +439,7 @@ def _regressed(inner: Floats, outer: Floats, power: Floats, ridge: float) -> tup
 def moved_pressures(recording: Recording, lag: float) -> Recording:
     """Move all but the motion by ``lag`` seconds: y(t) was caused by p(t - lag)."""
     columns = {
-        name: values if name.startswith(MOTION) else _moved(recording.time, values, lag)
+        name: values if name.startswith(MOTION) else delayed(recording.time, values, lag)
         for name, values in recording.columns.items()
     }
     return replace(recording, columns=columns)
-
-
-def _moved(time: Floats, values: Floats, by: float) -> Floats:
-    """Take each value from ``by`` seconds before, the nearest reading, NaN beyond the ends."""
-    return nearest(time - by, time, values, float(np.median(np.diff(time))))

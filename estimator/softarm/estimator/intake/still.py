@@ -26,6 +26,7 @@ from softarm.estimator.intake.streams import QUIET, SPREAD, SampledStream, strea
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
 from softarm.estimator.series import delayed, runs, window_means
 from softarm.estimator.specimen import Specimen
+from softarm.estimator.statistics import unexplained_share
 
 WINDOW = 0.25
 """Readings are averaged over so long [s] before they are compared: most of their noise goes."""
@@ -36,6 +37,8 @@ CLEAR = 10.0
 less."""
 EXPLAINED = 0.6
 """Share of an axis' variance that the drive must explain for its gain to be known."""
+LEAST_WINDOWS = 5
+"""Windows in which both a bend and its drive were read, below which nothing is learnt of it."""
 LAGS = np.arange(-2.5, 2.55, 0.05)
 """Lags of a bend behind its drive [s] that are tried; longer ones leave the gain of no axis known."""
 EXCITED = 0.2
@@ -60,12 +63,7 @@ class BendAxes:
 
     def unexplained(self) -> float:
         """Return the share of the variance of both axes that v leaves."""
-        seen = np.isfinite(self.values).all(axis=1) & np.isfinite(self.drive).all(axis=1)
-        if seen.sum() < 5:
-            return 1.0
-        causes, effects = (part[seen] - part[seen].mean(axis=0) for part in (self.drive, self.values))
-        left = effects - causes @ np.linalg.lstsq(causes, effects, rcond=None)[0]
-        return float((left**2).sum() / max((effects**2).sum(), 1e-30))
+        return unexplained_share(self.drive, self.values, LEAST_WINDOWS)
 
     def without(self, during: slice) -> "BendAxes":
         """Lose the readings of some windows."""
@@ -103,7 +101,7 @@ def _strongest(drive: Floats) -> Floats:
 
 def _gain(drive: Floats, values: Floats) -> Floats | None:
     seen = np.isfinite(values) & np.isfinite(drive).all(axis=1)
-    if seen.sum() < 5:
+    if seen.sum() < LEAST_WINDOWS:
         return None
     causes, effects = (part[seen] - part[seen].mean(axis=0) for part in (drive, values))
     left, sizes, right = np.linalg.svd(causes, full_matrices=False)
