@@ -74,7 +74,7 @@ class Alarms:
             self.observer()
 
     def clear_all(self) -> None:
-        """Clear every alarm: nothing is known of a device that is gone."""
+        """Clear every alarm: the state of a device that is gone is unknown."""
         if self._standing:
             self._standing.clear()
             self.observer()

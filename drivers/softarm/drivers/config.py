@@ -18,7 +18,7 @@ class DriverConfig(BaseModel, ABC):
 
     Attributes:
         name: Name of the device in readings, errors and logs.
-        kind: Which driver it takes.
+        kind: Which driver it needs.
         simulated: Whether the peer is a fake; the source of its readings then begins with ``fake+``.
         stale_after_s: Without a valid reading for so long the device counts as degraded [s].
         lost_after_s: Without a sign of life for so long the connection counts as lost [s].
@@ -46,7 +46,7 @@ class DriverConfig(BaseModel, ABC):
         """Build the device; no I/O before its `connect`.
 
         Args:
-            sink: Takes each reading.
+            sink: Receives each reading.
             clock: Host monotonic time.
             observe: Send only what the device needs to answer: nothing moves, no setting changes.
         """

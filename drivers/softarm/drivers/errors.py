@@ -54,7 +54,7 @@ class ProtocolError(DeviceError):
 
 
 class LimitError(DeviceError):
-    """A command asks for more than the limits allow; nothing was written."""
+    """A command requests more than the limits allow; nothing was written."""
 
     retried = False
 

@@ -37,7 +37,7 @@ class Reading(NamedTuple, Generic[Value]):
 
 
 Sink = Callable[[Reading[Any]], None]
-"""Takes readings as they come; it must return at once."""
+"""Receives readings as they come; it must return at once."""
 
 
 def ignore(reading: Reading[Any]) -> None:

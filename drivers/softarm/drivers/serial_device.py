@@ -28,7 +28,7 @@ class SerialDevice(Device, Generic[FrameT, Value]):
         config: Its settings.
         codec: Parser of its bytes.
         expected: What its frames look like, for the error when none comes.
-        sink: Takes each reading.
+        sink: Receives each reading.
         clock: Host monotonic time.
         observe: Send nothing that changes a setting.
     """
@@ -56,7 +56,7 @@ class SerialDevice(Device, Generic[FrameT, Value]):
     async def open(self) -> "SerialSession":
         """Open the port."""
         link = await open_serial(self.serial, self.clock)
-        # The counters go on, but what came before says nothing of the speed of this connection.
+        # The counters go on, but earlier bytes do not show the speed of this connection.
         self.codec.reset()
         self.codec.counts.since_frame = 0
         self.joined.clear()
@@ -74,7 +74,7 @@ class SerialDevice(Device, Generic[FrameT, Value]):
         self.accept(self.codec.feed(data), arrival_ns)
 
     def accept(self, decoded: Decoded[FrameT], arrival_ns: int) -> None:
-        """Count faults and take frames."""
+        """Count faults and convert frames."""
         for fault in decoded.faults:
             self.count(fault)
             self._last_fault = fault.detail

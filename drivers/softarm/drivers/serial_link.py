@@ -1,7 +1,7 @@
 """One serial port on the event loop: opened exclusively, read as bytes arrive, gone when the device is.
 
-The port is read through its file descriptor. After a hang-up such a descriptor is readable for ever and gives
-nothing, which would spin the loop, so the reader is taken off at the first empty read. Opening, which a USB
+The port is read through its file descriptor. After a hang-up such a descriptor stays readable but
+empty, which would spin the loop, so the reader is removed at the first empty read. Opening, which a USB
 adapter may stretch to many milliseconds, happens in a worker thread.
 """
 
@@ -89,7 +89,7 @@ class SerialLink:
         """Send a command.
 
         Raises:
-            ConnectionLost: The device is gone, or takes nothing.
+            ConnectionLost: The device is gone, or accepts no data.
         """
         try:
             sent = os.write(self._port.fileno(), data)
@@ -97,7 +97,7 @@ class SerialLink:
             raise ConnectionLost(
                 self.device, f"accepts no commands: {error}", "check cable and power"
             ) from error
-        # The descriptor does not block, so a full buffer takes a part and the device would read half a
+        # The descriptor does not block, so a full buffer accepts a part and the device would read half a
         # command.
         if sent != len(data):
             raise ConnectionLost(self.device, "accepts no more commands", "check cable and power")

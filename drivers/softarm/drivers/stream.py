@@ -19,7 +19,7 @@ class ReadingStream(Generic[Value]):
         device: The device, as the configuration names it.
         source: Where the readings come from.
         health: Counters to keep.
-        sink: Takes each reading; what it raises is counted and logged, never passed on.
+        sink: Receives each reading; what it raises is counted and logged, never passed on.
         on_reading: Called after each reading with whether it was valid.
         clock: Host monotonic time.
     """

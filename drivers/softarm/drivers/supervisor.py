@@ -191,7 +191,7 @@ class Supervisor:
             began_ns, connections = self._clock(), self.health.connections
             error = await self._attempt()
             streamed = self.health.connections > connections
-            # A device that connects and fails at once must not be asked again at full rate.
+            # A device that connects and fails at once must not be tried again at full rate.
             if streamed and self._clock() - began_ns > self.timing.stable_s * NANOSECONDS:
                 delays = self.backoff.delays(self._random)
             if not error.retried:
@@ -259,7 +259,7 @@ class Supervisor:
             await finish(*tasks, cancel=True)
 
     async def _watch(self) -> None:
-        """Notice silence: degraded without valid readings, lost without any sign of life."""
+        """Detect silence: degraded without valid readings, lost without any sign of life."""
         timing = self.timing
         lost_ns = None if timing.lost_after_s is None else round(timing.lost_after_s * NANOSECONDS)
         stale_ns = round(timing.stale_after_s * NANOSECONDS)

@@ -9,8 +9,8 @@ async def finish(*tasks: "asyncio.Task[None]", cancel: bool = False) -> None:
     """Wait until tasks have ended, whatever they raise; being cancelled meanwhile does not cut it short.
 
     One cancellation of a task is not enough to end it: `asyncio.wait_for` of Python 3.11 drops it when what
-    it waits for is done in the same moment, and libraries built on it then go on as if nothing had been
-    asked.
+    it waits for is done in the same moment, and libraries built on it then go on as if nobody had
+    cancelled.
 
     Args:
         tasks: What to wait for; each must end by itself, or on being cancelled.

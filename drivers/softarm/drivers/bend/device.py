@@ -66,9 +66,9 @@ class BendSensors(SerialDevice[BendLine | BendStatus, BendAngles]):
 
     Args:
         config: Its settings.
-        sink: Takes each reading.
+        sink: Receives each reading.
         clock: Host monotonic time.
-        observe: Has no effect: the board only talks.
+        observe: Has no effect: the board only sends.
     """
 
     def __init__(

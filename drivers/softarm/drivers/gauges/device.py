@@ -40,7 +40,7 @@ class ForceGauge(SerialDevice[FrameT, GaugeForce]):
         config: Its settings.
         codec: Parser of its bytes.
         expected: What its frames look like.
-        sink: Takes each reading.
+        sink: Receives each reading.
         clock: Host monotonic time.
         observe: Send nothing that changes a setting.
     """

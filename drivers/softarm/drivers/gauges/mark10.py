@@ -42,7 +42,7 @@ class Mark10Settings:
 
     @property
     def sends_polarity(self) -> bool:
-        """Whether readings carry their sign, negative for tension; inverted and omitted both say no."""
+        """Whether readings carry their sign, negative for tension; false when it is inverted or omitted."""
         return "POL" in self.fields
 
 
@@ -69,7 +69,7 @@ def mark10_codec() -> LineCodec[Mark10Reply]:
 
 
 def parse_reply(line: bytes) -> Mark10Reply | FrameFault:
-    """Return what one line says, without its end."""
+    """Decode one line, without its end."""
     text = line.strip()
     if text in _ERRORS:
         return Mark10Error(text.decode("ascii"), _ERRORS[text])

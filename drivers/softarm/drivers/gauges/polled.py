@@ -88,7 +88,7 @@ class PolledGauge(ForceGauge[FrameT], Generic[FrameT]):
 
 
 class Mark10Gauge(PolledGauge[Mark10Reply]):
-    """A Mark-10 gauge. Its readings are trusted while `LIST` says that they have a sign and are no peaks.
+    """A Mark-10 gauge. Its readings are trusted while `LIST` reports that they have a sign and are no peaks.
 
     A reading does not show whether somebody has inverted its sign, but a load that changes sign from one
     reading to the next may come from that: no reading is then trusted until the settings are read again.
@@ -112,7 +112,7 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
         """Read the settings, then a first reading.
 
         Raises:
-            ProtocolError: The gauge does not know `LIST`.
+            ProtocolError: The gauge does not support `LIST`.
         """
         # Before any reading: without them its sign and its unit mean nothing.
         refusals = 0

@@ -39,9 +39,9 @@ def unit_named(text: str) -> str | None:
 
 
 def shows_overload(digits: bytes) -> bool:
-    """Return whether the digits are all nines, which is how a display says overload.
+    """Return whether the digits are all nines, which is how a display shows an overload.
 
-    At least four are asked for: 9, 99 and 999 are ordinary weights in grams.
+    At least four are required: 9, 99 and 999 are ordinary weights in grams.
     """
     return len(digits) >= 4 and not digits.strip(b"9")
 
@@ -54,7 +54,7 @@ class GaugeSample:
         value: The number with its sign, in `unit`.
         unit: A key of `NEWTON_PER`, or None if the protocol does not carry it.
         decimals: Digits after the decimal point: the resolution that the operator has set.
-        over_range: The instrument says that it cannot measure this load; the value means nothing.
+        over_range: The instrument reports that it cannot measure this load; the value is meaningless.
         stable: Whether a balance reports that it has settled; None if the protocol does not carry it.
         display: 1 for the main display, 2 for a second one.
     """

@@ -1,7 +1,7 @@
 """The reply of a Sauter FH or FL gauge (FH manual, p. 13): seven characters, no terminator, on request only.
 
 A reply is framed by its length and by the silence after it. Joining the bytes after a loss to those of the
-next reply would give a wrong number that looks right (`0011.70` `1021.15` less its first byte begins with
+next reply would yield a wrong number that looks right (`0011.70` `1021.15` less its first byte begins with
 `011.701`), so bytes count only between a request and the silence that ends the reply.
 """
 

@@ -24,7 +24,7 @@ class RvcRule:
 
     def decode(self, frame: bytes) -> ImuSample | FrameFault:
         """Return the orientation, or the fault that makes it none."""
-        # AA AA may also stand inside a frame: only the sum tells a header, so a failure costs one byte.
+        # AA AA may also stand inside a frame: only the sum identifies a header, so a failure costs one byte.
         if checksum8(frame[2:18]) != frame[18]:
             return FrameFault("checksum", f"sum {checksum8(frame[2:18]):#04x}, frame says {frame[18]:#04x}")
         index, yaw, pitch, roll, *acceleration = _BODY.unpack_from(frame, 2)

@@ -24,7 +24,7 @@ RESTART_NS = 800_000_000
 """Silence after which a unit without a sequence number may have started anew [ns]."""
 
 SILENT_S = 1.0
-"""Silence after which an Xsens unit is asked to measure [s]."""
+"""Silence after which an Xsens unit is commanded to measure [s]."""
 
 Rate = Annotated[float, Field(gt=0, le=2000)]
 
@@ -51,7 +51,7 @@ class Imu(SerialDevice[FrameT, ImuSample], Generic[FrameT]):
         codec: Parser of its bytes.
         expected: What its frames look like.
         index: Follows its sequence number; None if it has none.
-        sink: Takes each reading.
+        sink: Receives each reading.
         clock: Host monotonic time.
         observe: Send nothing that changes a setting.
     """

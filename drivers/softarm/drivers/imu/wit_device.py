@@ -29,7 +29,7 @@ class WitConfig(ImuConfig):
     """A WitMotion unit.
 
     Attributes:
-        orientation: Which frame gives it: `quaternion` (0x59) or `angles` (0x53).
+        orientation: Which frame carries it: `quaternion` (0x59) or `angles` (0x53).
         configure: Whether the driver may set rate and content; it never stores them in the unit.
     """
 
@@ -49,7 +49,7 @@ class WitConfig(ImuConfig):
         if self.rate_hz not in witmotion.RATES:
             offered = ", ".join(f"{rate:g}" for rate in witmotion.RATES)
             raise ValueError(f"rate_hz {self.rate_hz:g} is none of {offered}")
-        # A unit whose line is too slow lowers its rate by itself, without a word.
+        # A unit whose line is too slow lowers its rate by itself, without notice.
         bits = self.rate_hz * len(self.frames) * _BITS_PER_FRAME
         if bits > 0.85 * self.baud:
             raise ValueError(
@@ -67,7 +67,7 @@ class WitImu(Imu[ImuSample]):
 
     Args:
         config: Its settings.
-        sink: Takes each reading.
+        sink: Receives each reading.
         clock: Host monotonic time.
         observe: Send nothing that changes a setting.
     """
@@ -83,8 +83,8 @@ class WitImu(Imu[ImuSample]):
         """Check what the unit sends, and configure it if that is wrong.
 
         Raises:
-            ProtocolError: It sends something else, and may not be set or does not take it. Tried again: on a
-                bad line it may only look so.
+            ProtocolError: It sends something else, and may not be set or does not accept the setting. The
+                driver tries again: on a bad line it may only look so.
         """
         counts = await self._count_frames(SETTLE_S)
         if not counts or self._as_configured(counts, SETTLE_S):

@@ -108,7 +108,7 @@ def configuration(register: int, value: int) -> bytes:
 
 
 def content_mask(kinds: set[int]) -> int:
-    """Return the content register (0x02) for a set of frame types: bit n asks for type 0x50 + n."""
+    """Return the content register (0x02) for a set of frame types: bit n requests type 0x50 + n."""
     return sum(1 << (kind - 0x50) for kind in kinds)
 
 

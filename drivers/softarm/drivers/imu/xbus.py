@@ -80,7 +80,7 @@ def _mt_data2(data: bytes) -> ImuSample | FrameFault:
     while at + 3 <= len(data):
         group, length = struct.unpack_from(">HB", data, at)
         at += 3 + length
-        # The low four bits of an identifier say how its data are coded, not what they are.
+        # The low four bits of an identifier state how its data are coded, not what they are.
         groups[group & 0xFFF0] = data[at - length : at] + bytes([group & 0x0F])
     if at != len(data):
         return FrameFault("framing", "a group of MTData2 is longer than its message")

@@ -60,7 +60,7 @@ class QtmConnection(asyncio.Protocol):
         """Wait for the greeting.
 
         Raises:
-            QtmError: QTM takes no more clients.
+            QtmError: QTM accepts no more clients.
             DeviceError: The connection was lost.
         """
         return packet_text(await self._welcome)

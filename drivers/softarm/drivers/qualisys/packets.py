@@ -64,7 +64,7 @@ SIZES: Final[dict[int, tuple[int, int]]] = {
     PacketKind.NO_MORE_DATA: (8, 8),
     PacketKind.EVENT: (9, 9),
 }
-"""Smallest and largest size [bytes] of each kind that this client asks for."""
+"""Smallest and largest size [bytes] of each kind that this client requests."""
 
 LARGEST_SKIPPED: Final = 16 * _MEGABYTE
 """Largest size [bytes] of a packet of another kind, which is passed over without being kept."""

@@ -65,7 +65,7 @@ def quaternion_from_columns(columns: list[float]) -> Quaternion | None:
     """Return the quaternion of a rotation matrix given column by column, or None if it is no rotation.
 
     The largest of the four components is found first, from the diagonal, and the others from it, which keeps
-    full accuracy near half a turn (S. W. Shepperd, "Quaternion from rotation matrix", J. Guidance and Control
+    full accuracy near 180 degrees (S. W. Shepperd, "Quaternion from rotation matrix", J. Guidance and Control
     1978).
     """
     r11, r21, r31, r12, r22, r32, r13, r23, r33 = columns[:9]

@@ -27,7 +27,7 @@ class QtmConfig(DriverConfig):
         divisor: Every so many frames of the cameras.
         latency_s: From the exposure to the arrival of its frame, where that is known [s].
         answer_s: Time for an answer [s].
-        heartbeat_s: Silence after which QTM is asked for its state [s].
+        heartbeat_s: Silence after which the state of QTM is requested [s].
         body_lost_after_s: Time after which a lost body is an alarm [s].
     """
 
@@ -77,7 +77,7 @@ class Continuity:
     stamp does.
 
     Args:
-        stride: Frame numbers from one frame to the next, as asked for.
+        stride: Frame numbers from one frame to the next, as requested.
     """
 
     def __init__(self, stride: int = 1) -> None:

@@ -49,18 +49,18 @@ class QtmSession:
         connection.listener = self
 
     async def identify(self) -> None:
-        """Greet, agree on a version, read the names and ask for the stream.
+        """Greet, agree on a version, read the names and request the stream.
 
         Raises:
-            ConnectionLost: QTM takes no more clients, or does not answer.
+            ConnectionLost: QTM accepts no more clients, or does not answer.
             ConfigurationError: QTM speaks none of the versions, or measures angles of another convention.
             ProtocolError: What answers is not QTM.
         """
         self._publisher.connected()
         await self._greet()
         self._health.facts["protocol"] = await self._agree_on_version()
-        self._health.facts["version"] = packet_text(await self._ask("QTMVersion", PacketKind.COMMAND))
-        state = await self._ask("GetState", PacketKind.EVENT)
+        self._health.facts["version"] = packet_text(await self._request("QTMVersion", PacketKind.COMMAND))
+        state = await self._request("GetState", PacketKind.EVENT)
         self._health.facts["state"] = _event_name(state[HEADER_LENGTH])
         await self._read_names()  # before the stream, whose bodies bear no names
         self._start_stream()
@@ -72,7 +72,7 @@ class QtmSession:
                 async with asyncio.timeout(self._config.heartbeat_s):
                     await self._wake.wait()
             except TimeoutError:
-                # While nothing is measured QTM answers `StreamFrames` with "no more data": ask again.
+                # While nothing is measured QTM answers `StreamFrames` with "no more data": repeat it.
                 self._stream_due = self._stream_due or WAITING in self._health.alarms
             self._wake.clear()
             await self._follow()
@@ -108,7 +108,7 @@ class QtmSession:
 
     @property
     def _pause_ns(self) -> int:
-        """The heartbeat [ns]; names are read no more often, unless an event asks for it."""
+        """The heartbeat [ns]; names are read no more often, unless an event requires it."""
         return round(self._config.heartbeat_s * NANOSECONDS)
 
     def _start_stream(self) -> None:
@@ -135,7 +135,7 @@ class QtmSession:
     async def _agree_on_version(self) -> str:
         for version in VERSIONS:
             try:
-                reply = packet_text(await self._ask(f"Version {version}", PacketKind.COMMAND))
+                reply = packet_text(await self._request(f"Version {version}", PacketKind.COMMAND))
             except QtmError:
                 continue
             if reply.lower().startswith("version set to"):
@@ -151,7 +151,7 @@ class QtmSession:
         self._names_due = False
         self._names_requested_ns = self._clock()
         try:
-            packet = await self._ask("GetParameters General 6D", PacketKind.XML)
+            packet = await self._request("GetParameters General 6D", PacketKind.XML)
         except QtmError as refusal:
             self._no_names(refusal.what)
             return
@@ -177,7 +177,7 @@ class QtmSession:
             what = f"QTM names its angles {', '.join(parameters.euler)}, not {', '.join(STANDARD_EULER)}"
             raise ConfigurationError(self._device, what, "stream 6D, or restore the standard angles in QTM")
 
-    async def _ask(self, command: str, kind: PacketKind) -> bytes:
+    async def _request(self, command: str, kind: PacketKind) -> bytes:
         sent_ns = self._clock()
         try:
             async with asyncio.timeout(self._config.answer_s):
@@ -248,7 +248,7 @@ class QtmSession:
         self._health.facts["unexpected reply"] = text
 
     def on_lost(self) -> None:
-        """Let `stream` raise what ended the connection."""
+        """Wake `stream`, which raises what ended the connection."""
         self._wake.set()
 
 

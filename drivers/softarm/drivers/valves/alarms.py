@@ -33,7 +33,7 @@ class ValveAlarms:
         self._reach_s = reach_s
 
     def watchdog_fired(self) -> bool:
-        """The terminal holds zeros that nobody wrote; return whether that is news."""
+        """Raise the alarm of zeros that nobody wrote in the terminal; return whether it is new."""
         return self._alarms.set(
             WATCHDOG_FIRED,
             "the terminal cleared its outputs, by its watchdog or a restart",
@@ -41,7 +41,7 @@ class ValveAlarms:
         )
 
     def foreign_writer(self) -> bool:
-        """The terminal holds what this host never wrote; return whether that is news."""
+        """Raise the alarm of set-points that another master wrote; return whether it is new."""
         return self._alarms.set(
             FOREIGN_WRITER,
             "another master writes to the valves",
@@ -49,7 +49,7 @@ class ValveAlarms:
         )
 
     def outputs(self, unknown: bool) -> None:
-        """A write was not answered: it may be carried out or not."""
+        """Raise or clear the alarm of a write without an answer, which may be carried out or not."""
         if unknown:
             self._alarms.set(
                 UNKNOWN, "a write was not answered", "wait: the echo is read before the next write"
@@ -58,12 +58,12 @@ class ValveAlarms:
             self._alarms.clear(UNKNOWN)
 
     def echo_is_ours(self) -> None:
-        """The terminal holds what was written."""
+        """Clear the alarms of the echo: the terminal holds what was written."""
         self._alarms.clear(WATCHDOG_FIRED)
         self._alarms.clear(FOREIGN_WRITER)
 
     def expired(self, now: bool, over: bool) -> None:
-        """A set-point ran out; the next one ends the alarm, and so does disarming."""
+        """Raise the alarm of a set-point that ran out; the next one or disarming clears it."""
         if now:
             self._alarms.set(
                 EXPIRED, "the set-point was not renewed, the chambers vent", "renew it within its lifetime"
@@ -72,7 +72,7 @@ class ValveAlarms:
             self._alarms.clear(EXPIRED)
 
     def diagnosis(self, words: tuple[int, ...]) -> None:
-        """A diagnosis word is not zero."""
+        """Raise or clear the alarm of each valve whose diagnosis word is not zero."""
         for chamber, (valve, word) in enumerate(zip(self._valve_of, words, strict=True)):
             key = f"chamber {chamber}{DIAGNOSIS}"
             if word:
@@ -84,7 +84,7 @@ class ValveAlarms:
                 self._alarms.clear(key)
 
     def tracking(self, deviations: tuple[float | None, ...], applied: Pressures) -> None:
-        """A measured pressure is not at its set-point."""
+        """Raise or clear the alarm of each chamber whose pressure is not at its set-point."""
         for chamber, deviation in enumerate(deviations):
             key = f"chamber {chamber} tracking"
             if deviation is None:

@@ -37,7 +37,7 @@ class ValveBank(Device):
 
     Args:
         config: Its settings.
-        sink: Takes each reading.
+        sink: Receives each reading.
         clock: Host monotonic time.
         observe: Write nothing at all.
         open_link: Opens the connection to the registers; over Modbus TCP when left out.
@@ -59,7 +59,7 @@ class ValveBank(Device):
         timing = Timing(
             stale_after_s=config.stale_after_s,
             lost_after_s=config.lost_after_s,
-            identify_s=25.0 if slow else 3.0,  # the slots of a VTEM take up to 20 s to start regulating
+            identify_s=25.0 if slow else 3.0,  # the slots of a VTEM need up to 20 s to start regulating
             close_s=15.0 if slow else 1.0,  # and 11 s to exhaust and stop
         )
         super().__init__(config.name, config.source, timing=timing, clock=clock, random=random)
@@ -100,7 +100,7 @@ class ValveBank(Device):
         self._outputs.arm()
 
     def vent(self, reason: str = "asked for") -> None:
-        """Vent every chamber with the next pass and take no set-point until `arm`.
+        """Vent every chamber with the next pass and accept no set-point until `arm`.
 
         Args:
             reason: Why, for whoever tries to command it.

@@ -41,13 +41,13 @@ class EchoMonitor:
         self._before_last, self._answered = self._answered, False
 
     def refused(self) -> None:
-        """Forget the last write: the terminal has not taken it."""
+        """Forget the last write: the terminal has not accepted it."""
         if self._before_last is not None:
             self._writes.pop()
             self._answered, self._before_last = self._before_last, None
 
     def answered(self, now_ns: int) -> None:
-        """Record the answer to the last write: a request may have waited before the terminal took it."""
+        """Record the answer to the last write, which may have waited before the terminal accepted it."""
         if not self._answered:
             self._writes[-1] = now_ns, self._writes[-1][1]
             self._answered = True

@@ -1,4 +1,4 @@
-"""Making sure that a valve terminal is what the configuration says, and leaving it vented and guarded."""
+"""Check that a valve terminal is what the configuration states, and leave it vented and guarded."""
 
 from softarm.drivers.clock import Clock
 from softarm.drivers.errors import ConfigurationError
@@ -23,7 +23,7 @@ async def look(terminal: Terminal, device: str, health: Health) -> tuple[int, ..
     """Read what there is to read; nothing is written.
 
     Returns:
-        The set-points that stand in the terminal [counts]; None where it does not say.
+        The set-points that stand in the terminal [counts]; None where it does not report them.
 
     Raises:
         ConfigurationError: The terminal has no valves where they should be.
@@ -32,7 +32,7 @@ async def look(terminal: Terminal, device: str, health: Health) -> tuple[int, ..
         await terminal.probe_echo()
     except ModbusExceptionError as refusal:
         if refusal.busy:
-            raise  # says nothing of the registers, so it must not end the attempts for good
+            raise  # does not concern the registers, so it must not end the attempts for good
         what = f"has no {terminal.layout.valves} valves where its kind has them: {refusal.what}"
         raise ConfigurationError(device, what, "check kind and unit of the terminal") from refusal
     standing = (await terminal.read()).inputs.echo
@@ -72,7 +72,7 @@ def _nonzero(echo: tuple[int, ...]) -> str:
 
 
 async def _modules(terminal: Terminal) -> str:
-    """Return which modules are there and which report an error, where the terminal says so."""
+    """Return which modules are there and which report an error, where the terminal reports it."""
     try:
         present = _bits(await terminal.link.read(MODULES_PRESENT, MODULE_WORDS))
         faulty = _bits(await terminal.link.read(MODULES_FAULTY, MODULE_WORDS))

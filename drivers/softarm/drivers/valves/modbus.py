@@ -27,7 +27,7 @@ logging.getLogger("pymodbus.logging").setLevel(logging.CRITICAL)
 class ModbusTcpLink:
     """One Modbus TCP connection without retries and without reconnection: both are the supervisor's.
 
-    pymodbus takes short register lists and answers of another function for good, leaves a request pending
+    pymodbus accepts short register lists and answers of another function, leaves a request pending
     until its time-out when the connection drops, and returns exception replies: all three end here as errors.
 
     Args:
@@ -78,7 +78,7 @@ class ModbusTcpLink:
 
     async def read(self, address: int, count: int) -> tuple[int, ...]:
         """Read registers (function 3)."""
-        answer = await self._ask(
+        answer = await self._request(
             lambda: self._client.read_holding_registers(address, count=count, device_id=self._unit),
             READ,
             address,
@@ -87,7 +87,7 @@ class ModbusTcpLink:
 
     async def write(self, address: int, words: Sequence[int]) -> None:
         """Write registers (function 16)."""
-        answer = await self._ask(
+        answer = await self._request(
             lambda: self._client.write_registers(address, list(words), device_id=self._unit), WRITE, address
         )
         if (answer.address, answer.count) != (address, len(words)):
@@ -95,7 +95,7 @@ class ModbusTcpLink:
 
     async def write_one(self, address: int, word: int) -> None:
         """Write one register (function 6)."""
-        answer = await self._ask(
+        answer = await self._request(
             lambda: self._client.write_register(address, word, device_id=self._unit), WRITE_ONE, address
         )
         if answer.address != address:
@@ -105,7 +105,7 @@ class ModbusTcpLink:
         self, read_address: int, read_count: int, write_address: int, words: Sequence[int]
     ) -> tuple[int, ...]:
         """Write, then read, in one request (function 23)."""
-        answer = await self._ask(
+        answer = await self._request(
             lambda: self._client.readwrite_registers(
                 read_address=read_address,
                 read_count=read_count,
@@ -122,7 +122,7 @@ class ModbusTcpLink:
         """Release the connection."""
         self._client.close()
 
-    async def _ask(
+    async def _request(
         self, request: Callable[[], Awaitable[ModbusPDU]], function: int, address: int
     ) -> ModbusPDU:
         # `request` is a function because pymodbus raises at the call, not at the await, when it has no

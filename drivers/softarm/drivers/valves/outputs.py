@@ -29,7 +29,7 @@ class OutputWrite:
 
 
 class Outputs:
-    """Holds the set-point in force and turns it into writes.
+    """Holds the set-point in force and converts it to writes.
 
     Args:
         device: The device, for errors.

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-# Addresses go on the wire as they stand here; this terminal takes no "-40001". The process inputs begin at
+# Addresses go on the wire as they stand here, without an offset such as 40001. The process inputs begin at
 # 45392 and the outputs at 40001, but their first words (3 and 2) are the diagnosis interface of the bus node.
 INPUTS = 45395
 OUTPUTS = 40003
@@ -165,7 +165,7 @@ class VtemLayout:
         return True
 
     def acknowledge(self, counts: Sequence[int], diagnosis: Sequence[int]) -> list[int]:
-        """Write the set-points; a slot that does not regulate is asked to release its error."""
+        """Write the set-points; a slot that does not regulate is commanded to release its error."""
         # Only where an error stands: a slot that acknowledges does not regulate.
         regulate, clear = VTEM_PRESSURE_APP | VTEM_BOTH_VALVES << 6, VTEM_ACKNOWLEDGE | 1 << 6
         return self._encode([clear if word else regulate for word in diagnosis[0::2]], counts)

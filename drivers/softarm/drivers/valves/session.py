@@ -84,7 +84,7 @@ class BankSession:
 
         Raises:
             ConnectionLost: The terminal is busy.
-            ConfigurationError: It is not what the configuration says.
+            ConfigurationError: It is not what the configuration states.
         """
         try:
             await self._prepare()
@@ -156,18 +156,18 @@ class BankSession:
 
     @property
     def _silent(self) -> bool:
-        """Whether the terminal was last asked so long ago that its watchdog may have fired since.
+        """Whether the last request was so long ago that the terminal's watchdog may have fired since.
 
-        It is fed when it is asked: a host may stall while the answer is on its way.
+        A request feeds it when it is sent: a host may stall while the answer is on its way.
         """
         # Half the time-out: a pass that begins just before the watchdog fires may end after it.
         quiet_ns = self._watchdog.milliseconds * 500_000 if self._watchdog.milliseconds else QUIET_NS
         return self._clock() - self._fed_ns > quiet_ns
 
     async def _read(self) -> TimedInputs:
-        asked_ns = self._clock()
+        requested_ns = self._clock()
         sample = await self._terminal.read()
-        self._fed_ns = asked_ns
+        self._fed_ns = requested_ns
         self._judge(sample)
         self._unknown = False
         self._alarms.outputs(unknown=False)
@@ -178,17 +178,17 @@ class BankSession:
         self._alarms.expired(plan.expired, plan.setpoint is not None or not self._outputs.armed)
         self._health.events["set-point expired"] += plan.expired
         self._echo.attempted(plan.counts, self._clock())
-        # Until the answer comes nobody knows whether the terminal took the set-points.
+        # Until the answer comes it is unknown whether the terminal accepted the set-points.
         self._unknown = True
-        asked_ns = self._clock()
+        requested_ns = self._clock()
         try:
             sample = await self._terminal.write(plan.counts, plan.acknowledge)
         except ModbusExceptionError:
-            self._unknown = False  # a refusal is an answer: the terminal has not taken them
+            self._unknown = False  # a refusal is an answer: they are not in the terminal
             self._echo.refused()
             raise
         self._unknown = False
-        self._fed_ns = self._taken_ns = asked_ns
+        self._fed_ns = self._taken_ns = requested_ns
         self._echo.answered(self._clock() if sample is None else sample.arrival_ns)
         self._applied, self._setpoint = plan.applied, plan.setpoint
         if sample is not None:
@@ -214,10 +214,10 @@ class BankSession:
         self._outputs.vent(reason)
 
     def _check_taken(self, refusal: ModbusExceptionError) -> None:
-        """Return up the connection of a terminal that stays busy: only its watchdog can vent then.
+        """End the connection to a terminal that stays busy: only its watchdog can vent then.
 
         Raises:
-            ConnectionLost: It has taken no set-point for the time of a watchdog.
+            ConnectionLost: It has accepted no set-point for the time of a watchdog.
         """
         limit = self._config.watchdog_ms
         if not self._observe and self._clock() - self._taken_ns > limit * NANOSECONDS // 1000:

@@ -38,7 +38,7 @@ class TrackingMonitor:
 
         Returns:
             For each chamber None while all is well, else by how much the measurement
-            lies above (positive) or below what was asked [Pa].
+            lies above (positive) or below the recent set-points [Pa].
         """
         return tuple(
             self._judge(chamber, setpoint, measured, now_ns)
@@ -48,7 +48,7 @@ class TrackingMonitor:
     def _judge(self, chamber: int, setpoint: float, measured: float, now_ns: int) -> float | None:
         oldest_ns = now_ns - self._reach_ns
         if not self._started[chamber]:
-            # What was asked before is not known; the chamber may be on its way from where it is.
+            # Earlier set-points are unknown; the chamber may be on its way from where it is.
             self._started[chamber] = True
             self._lowest[chamber].push(now_ns, measured, oldest_ns)
             self._highest[chamber].push(now_ns, measured, oldest_ns)

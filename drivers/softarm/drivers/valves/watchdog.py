@@ -21,11 +21,11 @@ class WatchdogState:
 
 
 async def read_watchdog(link: RegisterLink) -> WatchdogState:
-    """Ask for the time-out; a terminal without the register has none."""
+    """Read the time-out; a terminal without the register has none."""
     try:
         (milliseconds,) = await link.read(WATCHDOG, 1)
     except ModbusExceptionError as refusal:
-        # A terminal that is busy has said nothing of the register: its refusal ends the attempt.
+        # The refusal of a busy terminal does not concern the register: it ends the attempt.
         if refusal.busy:
             raise
         return WatchdogState(None, f"host side only: the terminal has no register {WATCHDOG}")
