@@ -19,5 +19,5 @@ class Clock:
         return self._loop.time() - self._start
 
     async def sleep_until(self, time: float) -> None:
-        """Return at ``time`` [s], or at once (after a turn of the loop) when it has passed."""
+        """Return at ``time`` [s], or at once (after one pass of the loop) when it has passed."""
         await asyncio.sleep(max(0.0, time - self.now()))

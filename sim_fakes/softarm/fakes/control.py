@@ -65,7 +65,7 @@ class SwitchRequest(ConfigTable):
 
 
 class AskRequest(ConfigTable):
-    """Ask for the endpoints and fault counts, the true state of the arm, or the faults that there are."""
+    """Request the endpoints and fault counts, the true state of the arm, or the faults that there are."""
 
     do: Literal["status", "truth", "catalogue"]
 

@@ -1,4 +1,4 @@
-"""What a scenario file says of each device, with its defaults."""
+"""The table of each kind of device in a scenario file, with its defaults."""
 
 from pathlib import Path
 from typing import Annotated, Literal, get_args

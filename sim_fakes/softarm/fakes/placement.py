@@ -41,7 +41,7 @@ def playing(scenario: Scenario, specimen: str) -> Scenario:
 def placed(scenario: Scenario, plant: Plant) -> Scenario:
     """Place the instruments of a scenario that plays a specimen.
 
-    A device that says itself where it is stays there. The others: one valve per chamber in its order, a body
+    A device whose table states its place stays there. The others: one valve per chamber in its order, a body
     on each section, a bend sensor on each segment, inertial units on the last section.
     """
     if scenario.plant.specimen is None:

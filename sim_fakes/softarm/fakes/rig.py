@@ -260,7 +260,7 @@ class Rig:
         self.inject(fault.device, fault.fault, fault.parameters, fault.times, fault.for_s)
 
     async def _clear_at(self, device: str, fault: str, until: float) -> None:
-        """Clear a fault at its end, unless it has been given another one meanwhile."""
+        """Clear a fault at its end, unless another end has been set meanwhile."""
         await self.clock.sleep_until(until)
         if self._ends.get((device, fault)) == until:
             self.boards[device].clear(fault)
@@ -271,7 +271,7 @@ async def running(scenario: Scenario) -> AsyncIterator[Rig]:
     """Run the fakes of a scenario for the length of a block.
 
     Raises:
-        InputError: The scenario asks for something that does not exist.
+        InputError: The scenario names something that does not exist.
     """
     with contextlib.ExitStack() as folders:
         folder = scenario.runtime_dir

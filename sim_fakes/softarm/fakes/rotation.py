@@ -22,7 +22,7 @@ def conjugate(q: Quaternion) -> Quaternion:
 
 
 def rotate(q: Quaternion, v: Vector) -> Vector:
-    """Turn a vector by a unit quaternion."""
+    """Rotate a vector by a unit quaternion."""
     rotated = multiply(multiply(q, (0.0, *v)), conjugate(q))
     return rotated[1], rotated[2], rotated[3]
 

@@ -13,7 +13,7 @@ See = Callable[[str, str | None, float, Floats], Floats]
 
 
 def plainly(signal: str, sensor: str | None, time: float, value: Floats) -> Floats:  # noqa: ARG001
-    """See a signal as it is."""
+    """Return a signal as it is."""
     return value
 
 

@@ -72,7 +72,7 @@ class FakeArm:
 
     @property
     def state(self) -> PlantState:
-        """The snapshot at the end of the last step; it is taken when it is asked for."""
+        """The snapshot at the end of the last step; it is made on request."""
         if self._state is None:
             self._state = self._snapshot(self._inputs)
         return self._state
@@ -166,7 +166,7 @@ class FakeArm:
         self._dynamics = ForwardDynamics(self._chain.model, self._data)
 
     def _take_over(self, chain: PlantChain, data: mujoco.MjData, memory: FibreMemory) -> None:
-        """Go on from the motion and the memory of the arm before a switch."""
+        """Continue from the motion and the memory of the arm before a switch."""
         new_chain = self._chain
         self._data.qpos[new_chain.slide_positions] = data.qpos[chain.slide_positions]
         self._data.qpos[new_chain.ball_positions] = data.qpos[chain.ball_positions]

@@ -2,7 +2,7 @@
 
 Each soft segment is cut in equal pieces; at the middle of each piece sit three slides, along the arm and
 across it, and below them a ball joint: the piece stretches and shears in the frame of the link above, and the
-next link turns about the point that it moves to. MuJoCo's world is the base frame. The joints carry only
+next link rotates about the point that it moves to. MuJoCo's world is the base frame. The joints carry only
 viscous damping in MuJoCo, which ``ForwardDynamics`` treats implicitly and which therefore keeps the explicit
 elastic forces stable.
 """
@@ -135,7 +135,7 @@ def _masses(parameters: ArmParameters, joints: tuple[Joint, ...]) -> Floats:
 
 
 def _support(spec: mujoco.MjSpec, parameters: ArmParameters) -> mujoco.MjsBody:
-    """Make the base plate, which turns on its compliance, and the clamp on it, which may be tilted."""
+    """Make the base plate, which rotates on its compliance, and the clamp on it, which may be tilted."""
     plate = spec.worldbody.add_body(name="plate")
     plate.explicitinertial = True
     plate.mass = 0.3

@@ -44,9 +44,9 @@ def lobed(
 ) -> CrossSection:
     """Sample a triangle of side 2 ``radius`` with a half disc and its chamber on each side.
 
-    One third about the first lobe is sampled and turned to each azimuth. The silicone is gathered in an inner
-    and an outer ring of fibres, one per sector, each at the centroid of its share; distances are then scaled
-    so that the second moment is that of the full section.
+    One third about the first lobe is sampled and rotated to each azimuth. The silicone is gathered in an
+    inner and an outer ring of fibres, one per sector, each at the centroid of its share; distances are then
+    scaled so that the second moment is that of the full section.
 
     The result is shared between calls with the same arguments: do not write to its arrays.
 
@@ -72,9 +72,9 @@ def lobed(
     pushing = (out > floor - fibre_depth) & (distance < radius - wall + fibre_depth)
     centroid = points[pushing].mean(axis=0)
     return CrossSection(
-        fibres=np.concatenate([_turn(fibres, azimuth) for azimuth in azimuths]),
+        fibres=np.concatenate([_rotate(fibres, azimuth) for azimuth in azimuths]),
         areas=np.tile(areas, len(azimuths)),
-        chambers=np.concatenate([_turn(centroid[None], azimuth) for azimuth in azimuths]),
+        chambers=np.concatenate([_rotate(centroid[None], azimuth) for azimuth in azimuths]),
         chamber_areas=np.full(len(azimuths), int(pushing.sum()) * SPACING**2),
         second_moment=0.5 * len(azimuths) * full,
         radius=reach,
@@ -120,14 +120,14 @@ def _rings(points: Floats, sectors: Integers, count: int, spacing: float) -> tup
 
 
 def _grid(reach: float) -> Floats:
-    """Lay points over a square about the origin, symmetric about the x axis, shape (points, 2)."""
+    """Place points over a square about the origin, symmetric about the x axis, shape (points, 2)."""
     half = (np.arange(int(reach / SPACING) + 1) + 0.5) * SPACING
     axis = np.concatenate([-half[::-1], half])
     return np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1).reshape(-1, 2)
 
 
-def _turn(points: Floats, angle: float) -> Floats:
-    """Turn points about the origin."""
+def _rotate(points: Floats, angle: float) -> Floats:
+    """Rotate points about the origin."""
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.asarray(points @ np.array([[cosine, sine], [-sine, cosine]]))
 

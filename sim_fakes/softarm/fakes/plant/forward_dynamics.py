@@ -58,14 +58,14 @@ def _accelerations(  # type: ignore[no-untyped-def]
     """Solve for the accelerations.
 
     With A the articulated inertia of a body, s one of its axes, d the damping there and h the step, the axis
-    takes A s (s A s + h d)^-1 s A from A and hands the rest to what it hangs on; likewise for the force that
+    reduces A by A s (s A s + h d)^-1 s A and passes the rest to the body above; likewise for the force that
     the axes below need.
     """
     articulated[:], needed[:] = 0.0, 0.0
     for b in range(len(parents) - 1, 0, -1):
         inertia, need, parent = articulated[b], needed[b], parents[b]
         _add_inertia(inertias[b], inertia)
-        _take_load(centres[b] - centre, loads[b], need)
+        _subtract_load(centres[b] - centre, loads[b], need)
         for i in range(first_axes[b] + axis_counts[b] - 1, first_axes[b] - 1, -1):
             pivot, rest = step * damping[i], passive[i] + applied[i] - bias[i]
             for row in range(6):
@@ -112,8 +112,8 @@ def _add_inertia(inertia, out):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _take_load(arm, load, need):  # type: ignore[no-untyped-def]
-    """Take a force and a torque at a body's centre of mass from what its subtree needs."""
+def _subtract_load(arm, load, need):  # type: ignore[no-untyped-def]
+    """Subtract a force and a torque at a body's centre of mass from what its subtree needs."""
     x, y, z = arm
     fx, fy, fz = load[0], load[1], load[2]
     need[0] -= load[3] + y * fz - z * fy

@@ -1,7 +1,7 @@
 """A fake arm of the shape that a specimen describes, with a material and tolerances of its own.
 
-Taken from the specimen: shape, parts, masses, chambers and which way gravity acts. Not taken: what a
-calibration or a diagnosis wrote into it, so that a specimen and its calibrated copy name the same arm.
+Shape, parts, masses, chambers and the direction of gravity are those of the specimen. What a calibration or a
+diagnosis wrote into it is left out, so that a specimen and its calibrated copy name the same arm.
 """
 
 from dataclasses import replace
@@ -52,7 +52,7 @@ def arm_of(specimen: Specimen | None, seed: int) -> Variant:
 
 
 def layout_of(specimen: Specimen) -> ChamberLayout:
-    """Return what the manoeuvres need to know of a specimen's arm; driven up to 3/4 of its lowest limit."""
+    """Return the properties of a specimen's arm for manoeuvres, which go up to 3/4 of its lowest limit."""
     return ChamberLayout(
         groups=tuple(
             tuple(c.index for c in specimen.chambers if c.segment == segment.name)
@@ -169,7 +169,7 @@ def _mass(specimen: Specimen, section: Section, outline: Outline, points: Floats
 
 
 def _mount(specimen: Specimen) -> Mount:
-    """Turn the base so that gravity acts as the specimen says, along an axis where it nearly does."""
+    """Rotate the base so that gravity acts as the specimen states, along an axis where it nearly does."""
     down = np.array(specimen.gravity_m_s2) / np.linalg.norm(specimen.gravity_m_s2)
     nearest = np.eye(3)[np.argmax(np.abs(down))] * np.sign(down[np.argmax(np.abs(down))])
     if down @ nearest > NEARLY_AN_AXIS:

@@ -41,7 +41,7 @@ class Laboratory:
     session_start: float = 0.0
 
     def mounted(self, mount: Mount) -> "Laboratory":
-        """The same arm in another mount."""
+        """Return the same arm in another mount."""
         return replace(self, arm=replace(self.arm, mount=mount))
 
 

@@ -47,7 +47,7 @@ class InstrumentQuality:
         strip_noise: Of a bend sensor [rad].
         alignments: Rotation of each body's frame against its section [rad], shape (sections, 3); none when
             empty.
-        pressure_tap: Where the measured pressure is taken: ``valve`` or ``chamber``.
+        pressure_tap: Where the pressure is measured: ``valve`` or ``chamber``.
     """
 
     angle_noise: float = np.radians(0.025)
@@ -134,7 +134,7 @@ def bends_of(quaternions: Floats) -> Floats:
 def _measured(
     truth: Truth, concealed: tuple[Concealed, ...], instruments: InstrumentQuality, rng: Random
 ) -> Floats:
-    """Return the pressures as the terminal, or sensors in the chambers, tell them [Pa]."""
+    """Return the pressures as the terminal, or sensors in the chambers, report them [Pa]."""
     if instruments.pressure_tap == "chamber":
         source = truth.chambers
     else:

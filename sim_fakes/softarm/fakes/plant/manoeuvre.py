@@ -40,7 +40,7 @@ class CordPull:
 
 @dataclass(frozen=True)
 class Grip:
-    """A hand takes a section and leads it.
+    """A hand holds a section and leads it.
 
     Args:
         section: Rigid section it holds.

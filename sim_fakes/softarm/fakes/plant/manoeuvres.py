@@ -18,7 +18,7 @@ Random = np.random.Generator
 
 @dataclass(frozen=True)
 class ChamberLayout:
-    """What a manoeuvre needs to know of an arm.
+    """The properties of an arm that a manoeuvre needs.
 
     Args:
         groups: Chambers of each segment.
@@ -43,7 +43,7 @@ class ChamberLayout:
         return np.zeros(self.chambers)
 
     def only(self, *chambers: int) -> Floats:
-        """1 for some chambers and 0 for the others, shape (chambers,)."""
+        """Return 1 for some chambers and 0 for the others, shape (chambers,)."""
         return np.isin(np.arange(self.chambers), chambers).astype(float)
 
 
@@ -290,7 +290,7 @@ def _away(
         if across:
             beside = place + 1 + int(rng.integers(2))
             level[_in_line(on, beside)] = across * highest * rng.uniform(0.0, 1.0, len(on.groups))
-        side = -on.azimuths[chamber]  # the hanging mount turns the base frame about x
+        side = -on.azimuths[chamber]  # the hanging mount rotates the base frame about x
         direction = (float(np.cos(side)), float(np.sin(side)), 0.0)
         pull = CordPull(on.sections[-1], 0, direction, np.zeros(tied), slack=0.002)
         parts.append(PlantManoeuvre("", np.outer(ramp, level), (pull,)))

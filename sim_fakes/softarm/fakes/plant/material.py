@@ -279,7 +279,7 @@ def _rotation_vector(quaternion):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _to_link(a, b, c, about_x, about_y, about_z, out):  # type: ignore[no-untyped-def]
-    """Turn the force conjugate to the rotation vector v into the torque in the link's frame.
+    """Convert the force conjugate to the rotation vector v to the torque in the link's frame.
 
     The vector's rate is (I + [v]/2 + k [v]^2) times the link's angular velocity, with
     k = 1/angle^2 - (1 + cos angle) / (2 angle sin angle), so the torque is its transpose times the force.

@@ -9,7 +9,7 @@ HANGING = np.array([0.0, 1.0, 0.0, 0.0])
 
 
 def turned(x: float = 0.0, y: float = 0.0, z: float = 0.0) -> Mount:
-    """Turn the hanging mount by a rotation vector in the base frame [rad]."""
+    """Rotate the hanging mount by a rotation vector in the base frame [rad]."""
     w, a, b, c = product(HANGING, vector_quaternion(np.array([x, y, z])))
     return Mount(quaternion=(float(w), float(a), float(b), float(c)))
 

@@ -258,7 +258,7 @@ class Mount:
 
     Args:
         position: Of the base frame's origin [m].
-        quaternion: Takes base coordinates to laboratory coordinates, (w, x, y, z). The default hangs the arm.
+        quaternion: Rotates base to laboratory coordinates, (w, x, y, z). By default the arm hangs.
     """
 
     position: tuple[float, float, float] = (0.0, 0.0, 0.6)

@@ -6,9 +6,9 @@ from softarm.estimator.arrays import Floats
 
 
 def rotation_matrix(quaternion: Floats) -> Floats:
-    """Turn quaternions, shape (..., 4), into rotation matrices, shape (..., 3, 3)."""
+    """Convert quaternions, shape (..., 4), to rotation matrices, shape (..., 3, 3)."""
     w, x, y, z = (quaternion / np.linalg.norm(quaternion, axis=-1, keepdims=True)).T
-    # Column by column: the transpose turns all axes round again, those of the matrix as well.
+    # Column by column: the transpose reverses all axes again, those of the matrix as well.
     columns = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + z * w), 2.0 * (x * z - y * w)],
         [2.0 * (x * y - z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z + x * w)],
@@ -18,14 +18,14 @@ def rotation_matrix(quaternion: Floats) -> Floats:
 
 
 def vector_quaternion(vector: Floats) -> Floats:
-    """Turn a rotation vector [rad] into a unit quaternion, shape (4,)."""
+    """Convert a rotation vector [rad] to a unit quaternion, shape (4,)."""
     angle = float(np.linalg.norm(vector))
     share = 0.5 * np.sinc(angle / (2.0 * np.pi))
     return np.array([np.cos(0.5 * angle), *(share * vector)])
 
 
 def quaternion_vector(quaternion: Floats) -> Floats:
-    """Turn a unit quaternion into the rotation vector of the shorter way [rad], shape (3,)."""
+    """Convert a unit quaternion to the rotation vector of the shorter way [rad], shape (3,)."""
     w, axis = float(quaternion[0]), np.asarray(quaternion[1:])
     if w < 0.0:
         w, axis = -w, -axis
@@ -40,7 +40,7 @@ def inverse(quaternion: Floats) -> Floats:
 
 def product(first: Floats, second: Floats) -> Floats:
     """Multiply quaternions: the rotation ``second`` followed by ``first``, shape (..., 4)."""
-    a, b = first.T, second.T  # component by component: the transpose turns all axes round
+    a, b = first.T, second.T  # component by component: the transpose reverses all axes
     parts = (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],

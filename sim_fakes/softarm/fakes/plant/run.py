@@ -92,7 +92,7 @@ def perform(arm: FakeArm, manoeuvre: PlantManoeuvre, outlets: Floats) -> Truth:
 
 
 def _cord(pulls: _Track[CordPull], sample: int, state: PlantState) -> Cord | None:
-    """Tie the cord that a sample asks for."""
+    """Return the cord that is tied at a sample, if any."""
     hold = pulls.at(sample, state)
     if hold is None:
         return None
@@ -103,7 +103,7 @@ def _cord(pulls: _Track[CordPull], sample: int, state: PlantState) -> Cord | Non
 
 
 def _hand(grips: _Track[Grip], sample: int, state: PlantState) -> Hand | None:
-    """Put on the hand that a sample asks for."""
+    """Return the hand that holds a section at a sample, if any."""
     hold = grips.at(sample, state)
     if hold is None:
         return None

@@ -62,7 +62,7 @@ class PlantInputs:
 class PlantState:
     """A snapshot of the arm, true values without sensor noise.
 
-    The laboratory frame is that of the motion capture. Quaternions (w, x, y, z) turn section coordinates
+    The laboratory frame is that of the motion capture. Quaternions (w, x, y, z) rotate section coordinates
     into laboratory coordinates.
 
     Args:
@@ -92,7 +92,7 @@ class PlantState:
 
 
 class Plant(Protocol):
-    """A fake arm: a function of time and inputs with its own memory; it knows no wall clock."""
+    """A fake arm: a function of time and inputs with its own memory; it reads no wall clock."""
 
     @property
     def sections(self) -> tuple[str, ...]:
@@ -108,7 +108,7 @@ class Plant(Protocol):
 
     @property
     def state(self) -> PlantState:
-        """The snapshot at the end of the last step; it is taken when it is asked for."""
+        """The snapshot at the end of the last step; it is made on request."""
 
     def advance(self, time: float, inputs: PlantInputs) -> None:
         """Step to ``time`` [s] under constant inputs.

@@ -23,7 +23,7 @@ class ValveConstants:
         fall_time: Time constant of venting [s].
         rise: Fastest filling [Pa/s].
         fall: Fastest venting [Pa/s].
-        error: Given minus asked when not vented [Pa], shape (chambers,).
+        error: Outlet pressure minus set-point when not vented [Pa], shape (chambers,).
     """
 
     dead_time: Floats

@@ -13,7 +13,7 @@ SHEAR_TOLERANCE = 0.10
 """By how much a shear coefficient may be off the one that is drawn.
 
 For the same pipe at Poisson's ratio 1/2, J. R. Hutchinson (J. Appl. Mech. 68, 2001, 87-92) has 7 to 10 % more
-than Cowper, and neither knows lobes with three chambers.
+than Cowper, and neither covers lobes with three chambers.
 """
 
 
@@ -74,7 +74,7 @@ def _about(rng: Random, share: float, spread: float) -> float:
 
 
 def _triple(values: np.ndarray) -> tuple[float, ...]:
-    """Turn an array into plain numbers."""
+    """Convert an array to plain numbers."""
     return tuple(float(value) for value in values)
 
 

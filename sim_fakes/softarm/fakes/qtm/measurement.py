@@ -50,7 +50,7 @@ def measurement_faults(bodies: Sequence[str]) -> tuple[Fault, ...]:
 
 
 class MotionMeasurement:
-    """Turns snapshots of the arm into frames.
+    """Converts snapshots of the arm to frames.
 
     Args:
         part: The motion capture.

@@ -53,7 +53,7 @@ class QtmServer:
     Args:
         part: Its description.
         measurement: Source of the frames.
-        state: Gives the latest snapshot of the arm.
+        state: Returns the latest snapshot of the arm.
         faults: The board with at least ``SERVER_FAULTS`` and the faults of the measurement.
         clock: The fakes' clock.
         host: Address to listen on.

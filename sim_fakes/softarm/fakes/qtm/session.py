@@ -1,4 +1,4 @@
-"""What one client of QTM has asked for, and the replies it gets."""
+"""The requests of one client of QTM, and the replies to them."""
 
 import re
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ class FrameStream:
     """A stream of frames to one client.
 
     Args:
-        components: Components in the order asked for.
+        components: Components in the order of the request.
         share: Frames sent per frame captured, at most 1.
         udp: Address and port for datagrams; None for the TCP connection.
         credit: Part of a frame that is due; the first captured frame goes out.
@@ -79,7 +79,7 @@ class ClientSession:
         return handler(rest.strip()) if handler else packets.text(ERROR, PARSE_ERROR)
 
     def close(self) -> None:
-        """Return up control when the client goes."""
+        """Release control when the client goes."""
         if self._software.master is self:
             self._software.master = None
 

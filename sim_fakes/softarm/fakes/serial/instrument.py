@@ -37,7 +37,7 @@ class Beat:
 class Instrument:
     """A serial instrument, a function of time and the snapshot it sees, with its own memory.
 
-    It knows no clock, no file descriptor and no baud pacing. By default it speaks at a steady rate from
+    It has no clock, no file descriptor and no baud pacing. By default it speaks at a steady rate from
     power-on and ignores the host.
 
     Args:

@@ -29,7 +29,7 @@ MARK10_FAULTS = (
 
 
 class FakeMark10(Instrument):
-    """A gauge that answers commands and streams when asked to; tension reads negative.
+    """A gauge that answers commands and streams on command; tension reads negative.
 
     Args:
         part: Its description.

@@ -35,7 +35,7 @@ class SerialPort:
 
     Args:
         link: Path of the symbolic link to the terminal.
-        state: Gives the latest snapshot of the arm.
+        state: Returns the latest snapshot of the arm.
         clock: The fakes' clock.
         seed: Seed of the line faults.
     """
@@ -96,7 +96,7 @@ class SerialPort:
             self._follow_host(now)
             due = self.instrument.next_time()
             if due is not None and due <= now + HAIR and not self._queue:
-                self._say(self.instrument.update(now, self._state()))
+                self._enqueue(self.instrument.update(now, self._state()))
                 continue
             if self._queue and self._line_free <= now + HAIR:
                 self._send_chunk(now)
@@ -108,7 +108,7 @@ class SerialPort:
         if self._controller is None:
             return
         hung_up = any(events & select.POLLHUP for _, events in self._poll.poll(0))
-        # The reader comes off with the host: a controller that has hung up is readable for ever.
+        # The reader is removed with the host: a controller that has hung up is readable for ever.
         if self._open and hung_up:
             self._detach()
         elif not self._open and not hung_up:
@@ -133,7 +133,7 @@ class SerialPort:
         except TimeoutError:
             return
 
-    def _say(self, data: bytes) -> None:
+    def _enqueue(self, data: bytes) -> None:
         """Queue the bytes of the instrument, with the faults of the line."""
         faults = self.instrument.faults
         if not self._open or not data:
@@ -218,7 +218,7 @@ class SerialPort:
             return
         if self.instrument.checks_baud and self._host_baud() != self.instrument.baud:
             data = self._garble(data)
-        self._say(self.instrument.receive(self._clock.now(), data, self._state()))
+        self._enqueue(self.instrument.receive(self._clock.now(), data, self._state()))
 
     def _on_fault(self, name: str, active: bool) -> None:
         if name != "unplug":

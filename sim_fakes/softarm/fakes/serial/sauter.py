@@ -37,7 +37,7 @@ class FakeSauter(Instrument):
         self._cell = cell
 
     def next_time(self) -> None:
-        """Never speak unasked."""
+        """Return no time: the gauge sends nothing without a request."""
         return
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002

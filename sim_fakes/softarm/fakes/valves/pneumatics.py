@@ -70,7 +70,7 @@ class Pneumatics:
 
         Args:
             time: New time, later than the last one.
-            setpoints: Gauge pressures asked for [Pa], shape (valves,).
+            setpoints: Gauge pressures commanded [Pa], shape (valves,).
             supply: Supply pressure now [Pa].
             free: Valves that still move, shape (valves,).
         """

@@ -37,20 +37,20 @@ def vtem_faults() -> tuple[Fault, ...]:
 
 @dataclass
 class _Slot:
-    """State machine of one slot: what was asked, what it is, when the change is done."""
+    """State machine of one slot: what was commanded, what it is, when the change is done."""
 
     mode: int = INACTIVE
     state: int = NOT_READY
-    asked: int = 0
+    commanded: int = 0
     due: float = BOOT_S
     target: tuple[int, int] = (INACTIVE, READY)
 
     def command(self, time: float, word: int) -> None:
         """Handle the command word: mode in bits 0-5, which valves regulate in bits 6-7."""
-        asked = word & 0xFF
-        if asked != self.asked:
-            self.asked = asked
-            self._switch(time, asked & 0x3F, asked >> 6)
+        commanded = word & 0xFF
+        if commanded != self.commanded:
+            self.commanded = commanded
+            self._switch(time, commanded & 0x3F, commanded >> 6)
         if time >= self.due:
             self.mode, self.state = self.target
 

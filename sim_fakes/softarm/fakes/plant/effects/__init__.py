@@ -1,4 +1,4 @@
-"""Concealed effects: what an arm, its valves and its sensors do that no model was told.
+"""Concealed effects: what an arm, its valves and its sensors do that no model contains.
 
 Those of ``arm`` and ``instrument`` are the diagnosis's vocabulary, those of ``foreign`` lie outside it.
 """

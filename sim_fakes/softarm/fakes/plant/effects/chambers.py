@@ -33,7 +33,7 @@ def chamber_crosstalk(arm: ArmParameters, where: Where, numbers: Numbers) -> Arm
 def chamber_gain(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     """Scale the effective area by 1 + ``change``.
 
-    A chamber whose pressure is worth more or less than its drawing says.
+    A chamber whose pressure is worth more or less than its drawing states.
     """
     gains = list(arm.actuation.gains)
     for chamber in chosen_chambers(arm, where):

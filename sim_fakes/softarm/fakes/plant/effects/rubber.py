@@ -13,7 +13,7 @@ SPREAD = (0.4, 1.0, 2.5)
 
 @arm_effect(change=EffectParameter("", 0.15, -0.2, 0.3))
 def distributed_mass(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:  # noqa: ARG001
-    """Scale all masses by 1 + ``change``: silicone and connectors denser or lighter than the drawing says."""
+    """Scale all masses by 1 + ``change``: silicone and connectors denser or lighter than in the drawing."""
     factor = 1.0 + numbers["change"]
     rigid = tuple(mass * factor for mass in arm.rigid_masses)
     return replace(arm, density_factor=arm.density_factor * factor, rigid_masses=rigid)

@@ -11,7 +11,7 @@ from softarm.fakes.plant.effects.places import azimuth
 from softarm.fakes.plant.rotations import inverse, product, quaternion_vector, vector_quaternion
 
 
-def turned(signal: str, value: Floats, vector: Floats) -> Floats:
+def rotated(signal: str, value: Floats, vector: Floats) -> Floats:
     """Add a rotation in the sensor's frame [rad] to a pose or, by its first two components, to a bend.
 
     A small rotation (a, b) about x and y tilts the z axis by (b, -a).
@@ -23,7 +23,7 @@ def turned(signal: str, value: Floats, vector: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class Misalignment:
-    """Turn poses about the section's axis and bends in their plane."""
+    """Rotate poses about the section's axis and bends in their plane."""
 
     signal: str
     yaw: float
@@ -31,7 +31,7 @@ class Misalignment:
     def update(self, time: float, value: Floats) -> Floats:  # noqa: ARG002
         """Pass a pose or a bend through."""
         if self.signal == "pose":
-            return turned("pose", value, np.array([0.0, 0.0, self.yaw]))
+            return rotated("pose", value, np.array([0.0, 0.0, self.yaw]))
         cosine, sine = np.cos(self.yaw), np.sin(self.yaw)
         return np.array([cosine * value[0] + sine * value[1], cosine * value[1] - sine * value[0]])
 
@@ -40,7 +40,7 @@ class Misalignment:
 def frame_misalignment(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001
     """Make the filter of one sensor.
 
-    A sensor mounted turned about the arm's axis: it sees each bend in another direction.
+    A sensor whose mount is rotated about the arm's axis: it sees each bend in another direction.
     """
     return Misalignment(signal, numbers["yaw"])
 
@@ -58,7 +58,7 @@ class ReadingOffset:
         """Pass a reading through."""
         share = time if self.grows else 1.0
         if self.signal in ("pose", "bend"):
-            return turned(self.signal, value, share * self.vector)
+            return rotated(self.signal, value, share * self.vector)
         return value + share * self.offset
 
 
@@ -90,7 +90,7 @@ def sensor_bias(signal: str, where: Where, numbers: Numbers) -> Filter:
     offset=EffectParameter("N/s", 2e-4, 5e-5, 5e-4),
 )
 def sensor_drift(signal: str, where: Where, numbers: Numbers) -> Filter:
-    """Make the filter: an orientation turns at ``rate`` about ``axis``, a gauge goes off by ``offset``.
+    """Make the filter: an orientation rotates at ``rate`` about ``axis``, a gauge drifts at ``offset``.
 
     A sensor that wanders off steadily with the clock.
     """

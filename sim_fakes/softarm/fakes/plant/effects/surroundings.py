@@ -13,7 +13,7 @@ from softarm.fakes.plant.parameters import ArmParameters, ForceLoad, Obstacle, P
 def base_compliance(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:  # noqa: ARG001
     """Add ``compliance`` about both axes.
 
-    A base plate that turns under the moment of the arm.
+    A base plate that rotates under the moment of the arm.
     """
     about_x, about_y = arm.support.compliance
     more = numbers["compliance"]
@@ -22,7 +22,7 @@ def base_compliance(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmPa
 
 @arm_effect(places=("axis",), angle=EffectParameter("rad", 0.05, 0.02, 0.1))
 def base_tilt(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
-    """Turn the clamp by ``angle`` about the direction ``axis`` of the base plate.
+    """Rotate the clamp by ``angle`` about the direction ``axis`` of the base plate.
 
     A clamp that does not sit square in its mount.
     """
@@ -40,7 +40,7 @@ def base_tilt(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParamete
     distance=EffectParameter("m", 0.06, 0.04, 0.08),
 )
 def contact_obstacle(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
-    """Stand a plane beside the arm, ``distance`` from its axis in the direction ``axis``.
+    """Place a plane beside the arm, ``distance`` from its axis in the direction ``axis``.
 
     Something that the arm touches in part of its space.
     """
