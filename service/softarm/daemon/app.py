@@ -142,7 +142,7 @@ class Service:
                     await self._close()
 
     def stop(self) -> None:
-        """Ask the service to end."""
+        """Request the end of the service."""
         self._stopping.set()
 
     def _announce(self) -> None:

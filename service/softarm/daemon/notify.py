@@ -11,7 +11,7 @@ WATCHDOG_EVERY_S = 0.2
 """A tenth of the ``WatchdogSec`` of the unit."""
 
 STARTING_S = 60.0
-"""How much more time a service asks for while its loop runs and its estimator is being built."""
+"""How much more time a service requests while its loop runs and its estimator is being built."""
 
 
 class Notifier:
@@ -40,7 +40,7 @@ class Notifier:
         return cls(os.environ.get("NOTIFY_SOCKET"))
 
     def _send(self, text: str) -> bool:
-        """Send a message; a supervisor's socket that is full or gone takes none."""
+        """Send a message; one to a socket that is full or gone is lost."""
         try:
             if self._address is not None:
                 self._socket.sendto(text.encode(), self._address)
@@ -49,7 +49,7 @@ class Notifier:
         return True
 
     def ready(self, status: str) -> None:
-        """Report that the service is up; a report that the supervisor does not take is sent again later."""
+        """Report that the service is up; a report that the supervisor does not accept is sent again later."""
         report = f"READY=1\nSTATUS={status}"
         self._unsent = "" if self._send(report) else report
 
@@ -57,7 +57,7 @@ class Notifier:
         """Report that the control loop is healthy; only a healthy tick may call this.
 
         Args:
-            starting: Whether to ask for more time to start, as ``extend`` does.
+            starting: Whether to request more time to start, as ``extend`` does.
         """
         now_s = self._clock()
         if now_s - self._fed_s < WATCHDOG_EVERY_S:

@@ -199,7 +199,7 @@ class CommandHandler:
     def _refuse_stale(self, request: Request) -> None:
         """Refuse a command after its deadline, or when the clocks of both hosts differ."""
         now_ns = self._context.unix_ns()
-        # Without NTP a fresh command of another host looks stale, so the refusal tells clock from delay.
+        # Without NTP a fresh command of another host looks stale: the refusal separates clock and delay.
         remaining_s = (request.deadline_unix_ns - now_ns) * 1e-9
         late_s = 0.0 if request.sent_unix_ns is None else (now_ns - request.sent_unix_ns) * 1e-9
         if late_s < -CLOCKS_DIFFER_S:

@@ -27,10 +27,10 @@ class ValveOutputs(Protocol):
         """Accept set-points; the chambers stay vented until one comes."""
 
     def vent(self, reason: str) -> None:
-        """Vent every chamber and take no set-point until ``arm``."""
+        """Vent every chamber and accept no set-point until ``arm``."""
 
     def acknowledge(self) -> bool:
-        """Have errors that the terminal keeps acknowledged; return whether there are any."""
+        """Request that the terminal clears the errors that it keeps; return whether there are any."""
 
     def command(self, setpoint: Sequence[float], lifetime_s: float) -> None:
         """Put a set-point in force from the next pass on [Pa]; it is refused when out of range."""
@@ -99,7 +99,7 @@ class Controller:
         Args:
             trigger: What happened.
             cause: Why, in words.
-            by: The client that asked for it, or ``service``.
+            by: The client that requested it, or ``service``.
 
         Raises:
             TransitionRefusedError: The present mode does not allow it.
@@ -122,7 +122,7 @@ class Controller:
         self._valves.vent(reason)
 
     def acknowledge(self) -> bool:
-        """Have errors that the valve terminal keeps acknowledged; return whether there are any."""
+        """Request that the valve terminal clears the errors that it keeps; return whether there are any."""
         return self._valves.acknowledge()
 
     def want(self, pressures: Floats, lifetime_s: float, now_ns: int) -> Floats:

@@ -11,8 +11,8 @@ PERIODS = 3.0
 def deadlines_s(setup: Setup) -> dict[str, float]:
     """Return the deadline of each channel that has its own [s].
 
-    A sensor's ``deadline_s`` counts first. A gauge, which no mode needs, is late when its driver says so. A
-    device with a known rate may leave out two readings; for all others `safety.sensor_deadline_s` holds.
+    A sensor's ``deadline_s`` counts first. A gauge, which no mode needs, is late when its driver reports it.
+    A device with a known rate may leave out two readings; for all others `safety.sensor_deadline_s` holds.
     """
     devices = {device.name: device for device in setup.devices}
     usual_s = setup.config.safety.sensor_deadline_s

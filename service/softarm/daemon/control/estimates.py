@@ -22,16 +22,16 @@ where no packet has: packets that jitter at the rate of the loop each start one,
 OLD = 1.0 / 3.0
 """Age of a packet, in intervals between packets T, from which it is better to wait for the next one.
 
-Where estimates take S and start at age a, what is known is on average a + S + L/2 old, with L from one start
-to the next. To wait makes a zero and L longer by T - a, which is less if a > T/3 (Y. Sun et al., Update or
-Wait, IEEE Trans. Inf. Theory 63 (2017) 7492).
+Where estimates take S and start at age a, the newest estimate is on average a + S + L/2 old, with L from one
+start to the next. To wait makes a zero and L longer by T - a, which is less if a > T/3 (Y. Sun et al.,
+Update or Wait, IEEE Trans. Inf. Theory 63 (2017) 7492).
 """
 CONTACT_EVERY_NS = 2_000_000_000
-"""Time between two requests to locate a contact, which takes the estimator a few solves more."""
+"""Time between two requests to locate a contact, which costs the estimator a few more solves."""
 
 
 class Estimates:
-    """Starts estimates from the newest readings and takes their results.
+    """Starts estimates from the newest readings and handles their results.
 
     Args:
         setup: Rate, deadlines and gravity.
@@ -157,7 +157,7 @@ class Estimates:
             self._reporter.contact(began=since is not None)
         if result.request.want_contact:
             self._placed_ns = self._last_result_ns
-        # The innovations of a search that stopped early say nothing about the model.
+        # The innovations of a search that stopped early do not test the model.
         if result.converged:
             self.test = self.test.update(
                 result.request.time_s,

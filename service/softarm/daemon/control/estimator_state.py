@@ -159,7 +159,7 @@ class EstimatorState:
 
         Args:
             seconds: How long at most [s].
-            pointless: Whether to wait no longer; asked at every result and at every ``wake``.
+            pointless: Whether to wait no longer; called at every result and at every ``wake``.
         """
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(max(seconds, 0.0)):
@@ -189,7 +189,7 @@ class EstimatorState:
 
     @property
     def held(self) -> tuple[HoldAnswer, EstimationResult] | None:
-        """Pressures known to hold the pose a moment ago, with that estimate; ``None`` when there are none."""
+        """Pressures that held the pose a moment ago, with that estimate; ``None`` when there are none."""
         if self._held is None or self.hold_answer is None or not self._recent(self._held[1]):
             return None
         return self._held

@@ -36,14 +36,14 @@ class Instruments(Protocol):
 
     @property
     def valves(self) -> ValveOutputs:
-        """Takes the set-points."""
+        """Valves that receive the set-points."""
 
     @property
     def applied(self) -> Floats:
         """Gauge pressures last written [Pa], shape (chambers,)."""
 
     def valve_alarms(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return what ends every pressurised mode, and what a person should know of the valves."""
+        """Return what ends every pressurised mode, and the warnings about the valves."""
 
     @property
     def expiries(self) -> int:
@@ -75,7 +75,7 @@ class LiveInstruments:
 
     Args:
         setup: The configuration.
-        sink: Takes every reading.
+        sink: Receives every reading.
         clock: Monotonic clock of the drivers.
 
     Raises:

@@ -88,7 +88,7 @@ class Publisher:
         self._counts = dict.fromkeys(STREAMS, 0)
 
     def _stamp(self, stream: str) -> Stamp:
-        self._counts[stream] += 1  # a gap in it tells a client how many messages it lost
+        self._counts[stream] += 1  # a gap in it shows a client how many messages it lost
         return Stamp(
             sequence=self._counts[stream],
             monotonic_ns=self._clock_ns(),

@@ -1,4 +1,4 @@
-"""The newest sample of every channel, and the readings that the estimator asks for."""
+"""The newest sample of every channel, and the readings that the estimator needs."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -43,7 +43,7 @@ class Readings:
         sensors: Sensors in the order of the estimator's readings; gauges are ignored.
         base_body: Channel of the motion-capture body on the base, empty for none.
         safety: Default deadline of a channel.
-        on_reading: Takes every reading of a channel as it comes.
+        on_reading: Called with every reading of a channel as it comes.
         on_packet: Called when a packet of the leading device is complete: an estimate started then uses
             the newest readings.
         deadlines_s: Deadlines of channels that differ from the default [s].

@@ -57,7 +57,7 @@ class ReplayedInstruments:
         sensors: Which measurement is which channel.
         chambers: Number of chambers.
         speed: Factor on the recorded time.
-        put: Takes each reading of a channel.
+        put: Receives each reading of a channel.
         finished: Called at the end.
 
     Raises:

@@ -20,8 +20,8 @@ class Reporter:
     Args:
         arm: The arm's name.
         publisher: Builds the messages.
-        outlet: Takes them.
-        streams: Takes what is recorded.
+        outlet: Publishes them.
+        streams: Records them.
     """
 
     def __init__(self, arm: str, publisher: Publisher, outlet: Outlet, streams: RecordedStreams) -> None:
@@ -32,7 +32,7 @@ class Reporter:
 
     @property
     def shape_wanted(self) -> bool:
-        """Whether anybody listens to the shape, or a recording takes one."""
+        """Whether anybody listens to the shape, or a recording is due to get one."""
         return self._outlet.shape_wanted or self._streams.shape_wanted
 
     def state(self, inputs: StateInputs, test: MismatchTest) -> None:

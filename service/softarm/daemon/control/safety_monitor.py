@@ -27,7 +27,7 @@ class SafetyInputs:
         estimator: Returns the state of the estimator process at a monotonic time.
         recorder: Returns the state of the recorder.
         valve_deadline_s: A valve bank that does not answer for so long is lost.
-        report: Takes a diagnostic and whether it is new (or has cleared itself).
+        report: Called with a diagnostic and whether it is new (or has cleared itself).
         busy: Describes how the processor keeps the service waiting, empty when it does not.
     """
 
@@ -66,7 +66,7 @@ class SafetyMonitor:
         return self._skipped.total
 
     def advance(self, now_ns: int, elapsed_s: float) -> Transition | None:
-        """Renew the set-point; valves that take none end the mode.
+        """Renew the set-point; valves that accept none end the mode.
 
         Args:
             now_ns: Monotonic time.
@@ -85,10 +85,10 @@ class SafetyMonitor:
             return controller.fire(Trigger.FAULT, f"{error.device}: {error.what}")
 
     def _ran_out(self) -> bool:
-        """Whether a pose that is taught or held lost its pressures since the last tick.
+        """Return whether a pose that is taught or held lost its pressures since the last tick.
 
         In ARMED and EXPERIMENT the client's next set-point fills the chambers again from zero, at the rate
-        of the slew limit; a pose would be led there by nobody.
+        of the slew limit; nothing would lead a pose back there.
         """
         before, self._expiries = self._expiries, self._inputs.instruments.expiries
         controller = self._inputs.controller

@@ -93,7 +93,7 @@ class RecordedStreams:
 
     @property
     def shape_wanted(self) -> bool:
-        """Whether the recording that is open takes a shape of the arm by now."""
+        """Whether a shape of the arm is due in the recording that is open."""
         due = self._clock_ns() - self._shaped_ns >= SHAPE_EVERY_NS
         return due and bool(self.triangles) and self.recording
 

@@ -18,17 +18,17 @@ class EstimatorProcess(Protocol):
 
     @property
     def state(self) -> WorkerState:
-        """What became of the process."""
+        """State of the process."""
 
     def submit(self, make: Callable[[], EstimationRequest | None]) -> None:
-        """Have a request made and sent as soon as the process is free; it replaces one that still waits."""
+        """Make and send a request as soon as the process is free; it replaces one that still waits."""
 
     def watch(self) -> None:
         """Kill a process that is stuck; called at every tick."""
 
 
 class Outlet(Protocol):
-    """Takes what the loop publishes; it never blocks."""
+    """Publishes the messages of the loop; it never blocks."""
 
     def publish(self, stream: str, message: Message) -> None:
         """Publish a message on a stream."""
@@ -61,7 +61,7 @@ class Surroundings:
     Args:
         instruments: Builds the instruments, which feed their samples into the readings.
         estimator: Builds the estimator's process, which passes each result to the given function.
-        outlet: Takes the streams.
+        outlet: Publishes the streams.
         base_body: Channel of the pose of the base, empty for none.
         ready: Called once, as soon as the estimator has started or has given up.
         host: Returns the newest state of the host.

@@ -20,7 +20,7 @@ class Tick:
         deadline_ns: Monotonic time of the newest deadline, for which it stands.
         drift_ns: How long after that deadline it came; less than an interval, since older ones are skipped.
         missed: Deadlines skipped just before it.
-        late_ns: How late the loop came: the time since the first deadline that it had not taken.
+        late_ns: How late the loop came: the time since the first deadline that it had not served.
     """
 
     index: int
@@ -55,7 +55,7 @@ class TickSchedule:
             now_ns: Monotonic time, not before the next deadline.
 
         Returns:
-            The tick; the deadlines between it and the last one taken count as missed.
+            The tick; the deadlines between it and the last one served count as missed.
         """
         due = max(self._next, (now_ns - self._start_ns) // self._interval_ns)
         deadline_ns = self._start_ns + due * self._interval_ns

@@ -12,7 +12,7 @@ from softarm.estimator.inverse import ContactPlace
 
 
 class _Compact:
-    """Pickles arrays as bytes: numpy's own way takes most of the time that such a message takes."""
+    """Pickles arrays as bytes: numpy's own way costs most of the time of such a message."""
 
     def __reduce__(self) -> tuple[Callable[..., Any], tuple[Any, ...]]:
         arrays, others = {}, {}
@@ -55,7 +55,7 @@ class EstimationRequest(_Compact):
     """One time-aligned set of readings.
 
     Args:
-        time_s: When the readings were taken, on the service's monotonic clock [s].
+        time_s: When the readings were measured, on the service's monotonic clock [s].
         newest_arrival_ns: Monotonic time at which the newest of them arrived.
         readings: Stacked in the order of the sensors, NaN where absent, shape (readings,).
         pressures: Measured gauge pressures [Pa], NaN where lost, shape (chambers,).

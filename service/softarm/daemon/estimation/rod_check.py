@@ -36,7 +36,7 @@ class RodCheck(Background[tuple[Inputs, Frames], float | None]):
         return self.newest
 
     def offer(self, time_s: float, inputs: Inputs, frames: Frames) -> None:
-        """Have the rod's frames compared, unless a comparison is at hand or was made a short while ago.
+        """Start a comparison of the rod's frames, unless one is at hand or was made a short while ago.
 
         Args:
             time_s: Time of the readings [s].

@@ -51,11 +51,11 @@ may have swung, so the last follow at the pace of a live arm."""
 LIVE = Tolerances(
     step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=2, forecast=30.0, settles=False
 )
-"""No instant waits for a long search: what is left over is the next one's. Where an instant comes late, the
-arm has moved far: short steps get there, and none is judged before the balance is near. One that went wrong
-is repeated from where it began, for a solve of the model takes as long as thirty steps."""
+"""No instant waits for a long search: the next one continues it. Where an instant comes late, the arm has
+moved far: the search goes in short steps and judges none before the balance is near. It repeats a step that
+went wrong from where that began, for a solve of the model takes as long as thirty steps."""
 BRIEF = replace(LIVE, iterations=6, retreats=0)
-"""Where the rod answers for the finite elements at once, a search that takes twice the usual is given up."""
+"""Where the rod answers for the finite elements at once, a search of twice the usual length is abandoned."""
 PREPARED = 1e-3
 """Step in units of the inputs' scale that an estimate on the rod may leave to the next: 20 Pa and 0.5 mN."""
 SOLVES = 12

@@ -1,11 +1,11 @@
-"""A process that solves one request after another, with a mailbox of one.
+"""A process that solves one request after another; the newest one replaces one that still waits.
 
 Numerics in a thread hold the interpreter's lock for tens of milliseconds; in a process they cannot delay
 the control loop. Requests and results are small, so pipes carry them. The loop reads a result as it comes, in
 as many parts as that takes, and a thread waits for the end of a process: the loop waits for neither.
 
-A request is made when the process is free for it and all that has arrived by then has been read: at a high
-rate a packet is older by the time that it waits for the estimate before it.
+A request is made when the process is free for it and all that has arrived by then has been read, since at a
+high rate a packet ages while it waits for the estimate before it.
 """
 
 import asyncio
@@ -57,7 +57,7 @@ NICER = 5
 """Numerics that fill a core give way to the control loop and the drivers."""
 KILL_AFTER_S = 2.0
 STUCK_S = 5.0
-"""A request that takes longer is given up, and the process with it."""
+"""A request that takes longer is abandoned, and the process is killed."""
 SWITCH_S = 2e-4
 """A solver's own threads hold the interpreter's lock no longer while a request waits for it."""
 _LENGTH = struct.Struct("<Q")
@@ -206,8 +206,8 @@ class Worker(Generic[Request, Result]):
 
     Args:
         factory: Builds the solver in the child; it must be picklable.
-        on_result: Takes each result, in the event loop.
-        on_report: Takes what each new child reports once it is built, in the event loop.
+        on_result: Called with each result, in the event loop.
+        on_report: Called with the report of each new child once it is built, in the event loop.
         clock: Monotonic time [s].
         nicer: By how much the process gives way to this one.
         policy: When it is started again.
@@ -229,7 +229,7 @@ class Worker(Generic[Request, Result]):
         self._clock = clock
         self._niceness = os.getpriority(os.PRIO_PROCESS, 0) + nicer
         self._policy = policy or RestartPolicy()
-        # Not forked: the threads of zenoh and numba would leave their locks taken in the child.
+        # Not forked: the threads of zenoh and numba would leave their locks held in the child.
         self._context = multiprocessing.get_context("spawn")
         self._loop = asyncio.get_running_loop()
         self._child: _Child | None = None
@@ -245,7 +245,7 @@ class Worker(Generic[Request, Result]):
 
     @property
     def state(self) -> WorkerState:
-        """What became of the process."""
+        """State of the process."""
         running = self._child is not None and self._child.ready
         return WorkerState(running, self._restarts, self._gave_up, self._was_ready)
 
@@ -263,7 +263,7 @@ class Worker(Generic[Request, Result]):
             await asyncio.to_thread(_end, child.process)
 
     def submit(self, make: Callable[[], Request | None]) -> None:
-        """Have a request made and sent as soon as the process is free; it replaces one that still waits.
+        """Make and send a request as soon as the process is free; it replaces one that still waits.
 
         Args:
             make: Makes the request, or ``None`` where there is nothing to request after all.

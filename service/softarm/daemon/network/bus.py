@@ -18,7 +18,7 @@ from softarm_client.messages import STREAMS, Message
 from softarm_client.session import NetworkSettings, open_session
 
 COMMANDS_WAITING = 16
-"""The loop takes them out at every pass: with more than these waiting, a client sends without listening."""
+"""The loop serves them at every pass: with more than these waiting, a client sends without listening."""
 STOPS_WAITING = 64
 """A flood of stops is answered without the loop, which has the first of them to carry out."""
 LARGEST_REQUEST_BYTES = 16_384
@@ -170,7 +170,7 @@ class Bus:
             call.refuse("busy", "too many commands are waiting", hint)
 
     def _hand_over_stop(self, query: zenoh.Query) -> None:
-        """Have the loop stop the arm next, ahead of every waiting command."""
+        """Request that the loop stops the arm next, ahead of every waiting command."""
         # The loop counts down what zenoh's threads count up.
         with self._stops_lock:
             self.stops_seen += 1
@@ -202,7 +202,7 @@ class Bus:
     @property
     def shape_wanted(self) -> bool:
         """Whether anybody listens to the shape."""
-        # The wheel's stub says bool; what comes is an object that is always true and carries the answer.
+        # The wheel's stub states bool; the value is an object that is always true and carries the answer.
         status: Any = None if self._shape is None else self._shape.matching_status
         return bool(getattr(status, "matching", status))
 

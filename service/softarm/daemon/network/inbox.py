@@ -29,7 +29,7 @@ class Inbox(Generic[Item]):
         if self._closed or len(self._items) >= self._capacity:
             return False
         self._items.append(item)
-        # Two threads may both wake the loop, which costs one idle pass; neither can miss to.
+        # Two threads may both wake the loop, which costs one idle pass; at least one of them does.
         if not self._waking:
             self._waking = True
             self._loop.call_soon_threadsafe(self._wake)
@@ -59,7 +59,7 @@ async def serve_each(
     serve: Callable[[Item], Coroutine[Any, Any, None]],
     tasks: asyncio.TaskGroup,
 ) -> None:
-    """Begin to serve items in the order they come, for ever; none waits for one that takes long.
+    """Begin to serve items in the order they come, for ever; none waits for a slow one.
 
     Args:
         take: Waits for the next item.

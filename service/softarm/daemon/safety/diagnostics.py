@@ -13,7 +13,7 @@ CLEAR_AFTER_NS = 2_000_000_000
 
 @dataclass(frozen=True)
 class Diagnostic:
-    """Something a person should know; a fault also vents the arm.
+    """A condition that a person should know of; a fault also vents the arm.
 
     Args:
         code: Stable name.
@@ -101,7 +101,7 @@ class HealthMonitor:
         self._present = self.evaluate(observation)
         new = []
         for finding in self._present:
-            # Its text changes from tick to tick (an age grows), so the key alone says that it is the same.
+            # Its text changes from tick to tick (an age grows), so the key alone identifies it.
             before = self._standing.get(finding.key)
             since_unix_ns = unix_ns if before is None else before.since_unix_ns
             self._standing[finding.key] = ActiveAlarm(finding, since_unix_ns, now_ns)

@@ -79,7 +79,7 @@ class Transition:
         after: The mode that was entered.
         trigger: What caused it.
         cause: The reason in words.
-        by: The client that asked for it, or ``service``.
+        by: The client that requested it, or ``service``.
     """
 
     before: Mode
@@ -93,7 +93,7 @@ class ModeMachine:
     """The mode, its one writer, and the latched cause of a fault.
 
     Args:
-        observer: Called after every transition, whoever asked for it.
+        observer: Called after every transition, whoever requested it.
     """
 
     def __init__(self, observer: Callable[[Transition], None] = lambda _: None) -> None:
@@ -139,7 +139,7 @@ class ModeMachine:
         Args:
             trigger: What happened.
             cause: Why, in words; the first cause of a fault is latched.
-            by: The client that asked for it, or ``service``.
+            by: The client that requested it, or ``service``.
 
         Returns:
             The change of mode.

@@ -1,4 +1,4 @@
-"""Inputs of the health checks: one frozen snapshot of the service, taken every tick."""
+"""Inputs of the health checks: one frozen snapshot of the service, made every tick."""
 
 from dataclasses import dataclass
 
@@ -26,7 +26,7 @@ class DeviceStatus:
         age_s: Age of its last valid reading; ``None`` before the first.
         deadline_s: Age from which it counts as silent.
         measured: Whether an input of the estimator or a gauge reads it: then that input reports its silence.
-        sink_errors: Readings that the service failed to take.
+        sink_errors: Readings that the service failed to process.
     """
 
     name: str
@@ -78,7 +78,7 @@ class Valves:
         age_s: Age of the last cycle that was read and checked; ``None`` before the first.
         deadline_s: Age from which the bank counts as lost.
         faults: What makes its outputs untrustworthy, in words.
-        warnings: What a person should know.
+        warnings: What a person should know of.
     """
 
     name: str
@@ -161,6 +161,6 @@ class ServiceHealth:
     @property
     def settling(self) -> bool:
         """Whether the service has only just begun, or still builds its estimator on a busy machine."""
-        # Compiling the estimator takes the processor for a minute; on a small host the drivers fall behind.
+        # Compiling the estimator loads the processor for a minute; on a small host the drivers fall behind.
         building = self.mode is Mode.STARTING and bool(self.busy)
         return self.uptime_s < SETTLING_S or building
