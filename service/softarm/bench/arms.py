@@ -26,7 +26,7 @@ PARTS = ("loop", "network", "estimator", "fakes")
 
 @dataclass(frozen=True)
 class ArmCost:
-    """What one arm took while it was measured.
+    """What one arm cost while it was measured.
 
     Args:
         measured: Latencies, replies and ticks.
@@ -96,7 +96,7 @@ def _row(count: int, model: str, seconds: float, advance: Callable[[float], None
 
 
 def cost_of(rig: FakeRig, client: Arm, seconds: float) -> ArmCost:
-    """Move an arm and measure what it takes."""
+    """Move an arm and measure what it costs."""
     drive(client, SETTLE_S)
     before = spent(rig)
     measured = listen(client, seconds)

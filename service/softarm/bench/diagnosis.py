@@ -1,4 +1,4 @@
-"""``softarm bench diagnosis``: diagnoses blind trials, and scores them where answers are given."""
+"""``softarm bench diagnosis``: diagnoses blind trials, and scores them where there are answers."""
 
 from pathlib import Path
 
@@ -65,14 +65,14 @@ def command(
     tables = score_tables(scores) if scores else ()
     if source:
         tables = tuple(from_source(tables, source))
-    show(_said(outcomes), *tables, as_json=as_json)
+    show(_verdicts(outcomes), *tables, as_json=as_json)
     if write is not None:
         write_page(write, tables, HEAD)
         say(f"wrote {write}")
     return int(not all(outcome.report for outcome in outcomes))
 
 
-def _said(outcomes: list[TrialOutcome]) -> Table:
+def _verdicts(outcomes: list[TrialOutcome]) -> Table:
     """List the verdict of each diagnosis."""
     rows: list[dict[str, Cell]] = [
         {

@@ -74,7 +74,7 @@ class Measured:
 
     Args:
         latencies_ms: Of each estimate, shape (estimates,).
-        stages_ms: What of it each of ``STAGES`` took, shape (estimates, stages).
+        stages_ms: The part of it that each of ``STAGES`` took, shape (estimates, stages).
         replies_ms: How long each command waited for its answer, shape (commands,).
         converged: Share of the estimates that converged.
         ticks: Ticks of the control loop.

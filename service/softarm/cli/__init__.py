@@ -77,7 +77,7 @@ class LazyGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find the command that is asked for, and suggest the nearest one where there is none."""
+        """Find the command of a name, and suggest the nearest one where there is none."""
         if args and args[0] not in COMMANDS and not args[0].startswith("-"):
             advice = suggest(args[0], COMMANDS, "", cutoff=0.6)
             ctx.fail(f"No such command '{args[0]}'{advice and f', {advice}'}")

@@ -114,8 +114,8 @@ def command(
     except CalibrationRefusedError as refusal:
         say(f"softarm: {refusal}")
         return 1
-    told = f"softarm calibrate, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {found.nodes} samples"
-    save_specimen(calibrated_specimen(robot, found, told), out)
+    provenance = f"softarm calibrate, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {found.nodes} samples"
+    save_specimen(calibrated_specimen(robot, found, provenance), out)
     show(*calibration_tables(found), as_json=as_json)
     for caution in cautions(found):
         say(caution)

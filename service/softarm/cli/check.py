@@ -1,4 +1,4 @@
-"""``softarm check``: what a specimen or a configuration says, and whether it is valid."""
+"""``softarm check``: what a specimen or a configuration describes, and whether it is valid."""
 
 from pathlib import Path
 

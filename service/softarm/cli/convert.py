@@ -51,7 +51,7 @@ def command(source: Path, target: Path, column_map: Path | None, force: bool, as
 
 
 def _names_its_specimen_from(recording: Recording, source: Path, target: Path) -> Recording:
-    """Let a recording that names a specimen file beside it name the same file from another folder."""
+    """Adapt the name of a specimen file beside a recording, so that it holds from another folder."""
     named = Path(str(recording.info.get("specimen", "")))
     beside = data_file(source).parent / named
     if named.is_absolute() or not beside.is_file():

@@ -32,7 +32,7 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
 
     specimen = str(fake_specimen())
     settings = RigSettings(DEMO_SCENARIO, specimen=specimen, forces_on=("tip",), patience=PATIENCE)
-    # Not blocked: the children would inherit that, and could not be asked to end.
+    # Not blocked: the children would inherit that, and no signal could end them.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ExitStack() as stack:
         say("starting the simulated instruments and the service; the estimator needs half a minute or more")

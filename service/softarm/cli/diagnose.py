@@ -30,18 +30,18 @@ SHARES = {
     "fitting": 25.0,
     "judging": 10.0,
 }
-"""Share of the time that each part of a diagnosis takes, in their order; a known rod is not fitted."""
+"""Share of the time that each part of a diagnosis takes, in their order; a stored rod is not fitted."""
 
 
 class _Steps:
-    """Turns what is being done into progress: a part counts as done when a later one begins."""
+    """Converts the name of the present part to progress: a part counts as done when a later one begins."""
 
     def __init__(self, advance: Callable[[float], None]) -> None:
         self._advance = advance
         self._done = 0.0
 
     def advance(self, what: str) -> None:
-        """Take note of what is being done, such as ``fitting`` or ``fitting the rod, 3 of 16``."""
+        """Note what is being done, such as ``fitting`` or ``fitting the rod, 3 of 16``."""
         part, _, count = what.partition(", ")
         if part not in SHARES:
             return
@@ -55,7 +55,7 @@ class _Steps:
 
 
 class NominalCommand(click.Command):
-    """A command whose ``--nominal`` takes every word up to the next option."""
+    """A command whose ``--nominal`` accepts every word up to the next option."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         """Write ``--nominal A B`` as ``--nominal A --nominal B``.

@@ -47,7 +47,7 @@ class CheckTally:
         first_ns: Host monotonic time of the first [ns].
         last_ns: Host monotonic time of the last [ns].
         transits_ns: From measurement to arrival, by the clock of a device that has one: least and most [ns].
-        flags: What the invalid ones said.
+        flags: Flags of the invalid ones.
     """
 
     readings: int = 0
@@ -290,9 +290,9 @@ def _findings(name: str, device: Device, tally: CheckTally) -> list[DeviceNote]:
         quantity = "" if alarm.value is None else f" ({alarm.value} {alarm.unit}".rstrip() + ")"
         found.append(DeviceNote(name, True, f"{alarm.what}{quantity}", alarm.cure))
     if tally.invalid:
-        told = ", ".join(sorted(tally.flags)) or "no reason given"
+        reasons = ", ".join(sorted(tally.flags)) or "no reason given"
         found.append(
-            DeviceNote(name, False, f"{tally.invalid} invalid readings: {told}", "see the device's page")
+            DeviceNote(name, False, f"{tally.invalid} invalid readings: {reasons}", "see the device's page")
         )
     if tally.late_ns > LATE_NS:
         late = f"readings came up to {tally.late_ns / 1e6:.0f} ms late, by the device's own clock"
@@ -308,12 +308,12 @@ def _findings(name: str, device: Device, tally: CheckTally) -> list[DeviceNote]:
 def _of_error(name: str, error: DeviceError | None) -> DeviceNote:
     if error is None:
         return DeviceNote(name, True, "does not answer", "check cable, address and power")
-    told = str(error).removeprefix(f"{error.device}: ").removesuffix(f"; {error.cure}")
-    return DeviceNote(name, True, told, error.cure)
+    what = str(error).removeprefix(f"{error.device}: ").removesuffix(f"; {error.cure}")
+    return DeviceNote(name, True, what, error.cure)
 
 
 def tables(examinations: Sequence[Examination], busy: str = "") -> list[Table]:
-    """Lay the examinations out: the devices, their faults, and their status.
+    """Arrange the examinations: the devices, their faults, and their status.
 
     Args:
         examinations: What was found.

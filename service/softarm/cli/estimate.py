@@ -95,9 +95,9 @@ def command(
     intake = taken_in(loaded, robot, say)
     loaded = intake.for_estimates
     with progress(f"comparing {robot.name} with {loaded.name}") as advance:
-        robot, told = aligned(robot, intake.for_fits, advance)
-    if told:
-        say(told)
+        robot, note = aligned(robot, intake.for_fits, advance)
+    if note:
+        say(note)
     run = resample(arrange(loaded, robot, tuple(section.name for section in robot.sections)), rate)
     kind = _chosen(robot) if kind == "auto" else kind
     found, surface = _on_rod(robot, run) if kind == "rod" else _on_mesh(robot, run)
@@ -124,14 +124,14 @@ def command(
 
 
 def _chosen(robot: "Specimen") -> str:
-    """Name the model to take: the rod where one is known that may stand in for the finite elements."""
+    """Choose the model: the rod where one is stored that may stand in for the finite elements."""
     from softarm.common.rods import known_trusted_rod
 
     return "fem" if robot.physics or known_trusted_rod(robot) is None else "rod"
 
 
 def _on_mesh(robot: "Specimen", run: "CalibrationRun") -> "tuple[Track[Any], Callable[[Any], Floats]]":
-    """Estimate on the finite elements, begun at the rod's answers where it is known."""
+    """Estimate on the finite elements, from the rod's answers where one is stored."""
     from dataclasses import replace
 
     from softarm.analysis.offline.track import track

@@ -135,7 +135,7 @@ def _connect(
 
 
 def _offline_specimen(specimen: str | None, report: Path | None) -> "Specimen":
-    """Load the specimen given, or the one kept with the report, else the one that the report names."""
+    """Load the named specimen, or the one kept with the report, else the one that the report names."""
     from softarm.analysis.diagnosis.motion import specimen_file
     from softarm.analysis.diagnosis.report import read_report
     from softarm.estimator.specimen import load_specimen
@@ -169,7 +169,7 @@ def shortened(plan: "ExcitationPlan", minutes: float | None) -> "ExcitationPlan"
 
 
 def _ask(manoeuvre: "Manoeuvre") -> bool:
-    """Ask somebody for what a manoeuvre needs."""
+    """Request what a manoeuvre needs of a person, and return whether it was done."""
     return click.confirm(f"{manoeuvre.name}: {manoeuvre.by_hand}. Done", default=True, err=True)
 
 

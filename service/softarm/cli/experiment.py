@@ -26,7 +26,7 @@ def command() -> None:
 
 
 def _common(command: Command) -> Command:
-    """Add what every experiment takes."""
+    """Add the options of every experiment."""
     options = (
         click.option("--fake", is_flag=True, help="Run on a simulated arm, which the command starts."),
         click.option("--arm", metavar="ID", help="Run on the arm of a running service."),

@@ -78,11 +78,11 @@ def command(
 async def serve(
     scenario: Scenario, config: Path | None = None, specimen: str | None = None, *, as_json: bool
 ) -> None:
-    """Run a scenario until the process is asked to stop.
+    """Run a scenario until a signal ends the process.
 
     Args:
         scenario: What to run.
-        config: File that takes a service's configuration for these instruments.
+        config: File to write a service's configuration for these instruments to.
         specimen: Specimen for that configuration; that of the fake arm when left out.
         as_json: Print the endpoints as one line of JSON instead of a table.
     """

@@ -77,7 +77,7 @@ def show(*tables: Table, as_json: bool) -> None:
 
 
 def _clean(row: Mapping[str, Cell]) -> dict[str, Cell]:
-    """Replace what JSON has no word for."""
+    """Replace what JSON cannot represent."""
     return {k: None if isinstance(v, float) and not math.isfinite(v) else v for k, v in row.items()}
 
 
@@ -98,7 +98,7 @@ def progress(what: str, total: float | None = None) -> Iterator[Callable[[float]
 
     Args:
         what: What is being done.
-        total: Steps to do, at most; ``None`` shows that work goes on without saying how far it is.
+        total: Steps to do, at most; ``None`` shows that work goes on, but not how far it is.
 
     Yields:
         A function that advances the bar by some steps.
@@ -155,7 +155,7 @@ class Pace:
 
     @property
     def left(self) -> str:
-        """At most how much time is left, empty while nobody knows."""
+        """At most how much time is left, empty while that is unknown."""
         if not self._total or self._first is None:
             return ""
         done, since_s = self._done - self._first[0], self._now_s - self._first[1]
@@ -177,14 +177,14 @@ class ProgressLines:
         self._what = what
         self._pace = Pace(total, clock)
         self._clock = clock
-        self._said_s = clock()
+        self._reported_s = clock()
 
     def advance(self, steps: float) -> None:
         """Count steps that are done."""
         self._pace.advance(steps)
         now_s = self._clock()
-        if now_s - self._said_s >= LINE_EVERY_S:
-            self._said_s = now_s
+        if now_s - self._reported_s >= LINE_EVERY_S:
+            self._reported_s = now_s
             left = self._pace.left
             say(f"{self._what}: {self._pace.so_far}{left and f', {left}'}")
 

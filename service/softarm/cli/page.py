@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from softarm.estimator.specimen import Specimen
 
 AGAIN_S = 1.0
-"""Pause before a service that did not answer is asked again."""
+"""Pause before the next request to a service that did not answer."""
 
 
 @click.command()

@@ -30,7 +30,7 @@ from softarm_client.errors import ClientError
 logger = logging.getLogger(__name__)
 
 STEP_S = 300.0
-"""No step of fitting a rod takes longer; systemd is asked for so much time with each."""
+"""No step of fitting a rod takes longer; the service requests so much time of systemd with each."""
 SWITCH_S = 2e-4
 """No other thread, such as that of the recorder, holds the interpreter's lock longer while the loop waits."""
 
@@ -64,7 +64,7 @@ def command(path: Path, replay: Path | None, speed: float, verbose: bool) -> Non
 
 @contextmanager
 def logged_off_loop(verbose: bool, stream: TextIO | None = None) -> Iterator[None]:
-    """Write the log from a thread: a disk or a journal that takes no line must not hold up the control loop.
+    """Write the log from a thread: a disk or a journal that accepts no line must not delay the control loop.
 
     Args:
         verbose: Whether to log every command and every attempt to connect as well.
@@ -86,7 +86,7 @@ def logged_off_loop(verbose: bool, stream: TextIO | None = None) -> Iterator[Non
 
 
 def _prepared(path: Path) -> Setup:
-    """Load the configuration, check its folders, and fit its rod where none is known yet.
+    """Load the configuration, check its folders, and fit its rod where none is stored yet.
 
     Raises:
         InputError: A folder cannot be written.

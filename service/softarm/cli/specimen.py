@@ -111,7 +111,7 @@ def _name(answer: str) -> str:
 
 
 def _ask() -> "ArmMeasures":
-    """Ask for every measure, with those of SoPrA as defaults."""
+    """Request every measure of the user, with those of SoPrA as defaults."""
     from softarm.estimator.specimen.measures import ArmMeasures, SegmentMeasures, names_of
 
     say("Measures of the arm; Enter takes the value in brackets.")

@@ -98,11 +98,11 @@ def _chamber_rows(state: State) -> list[Row]:
     return [
         {
             "chamber": chamber,
-            "setpoint_kpa": 1e-3 * asked,
+            "setpoint_kpa": 1e-3 * setpoint,
             "applied_kpa": 1e-3 * applied,
             "measured_kpa": None if measured is None else 1e-3 * measured,
         }
-        for chamber, (asked, applied, measured) in enumerate(pressures)
+        for chamber, (setpoint, applied, measured) in enumerate(pressures)
     ]
 
 

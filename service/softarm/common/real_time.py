@@ -10,7 +10,7 @@ LOWEST = 1
 
 
 def run_first(pid: int = 0) -> None:
-    """Have the kernel run a thread before all that are not real-time, where that is permitted.
+    """Schedule a thread before all that are not real-time, where that is permitted.
 
     Args:
         pid: The thread, by default the calling one; that of a process is its first.

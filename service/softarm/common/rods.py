@@ -64,7 +64,7 @@ def trusted(fitted: FittedRod) -> bool:
 
 
 def known_trusted_rod(specimen: Specimen) -> CalibratedRod | None:
-    """Return the rod of a specimen where it is known and may stand in for the finite elements."""
+    """Return the stored rod of a specimen if it may stand in for the finite elements."""
     fitted = known_rod(specimen)
     return adapted(fitted.rod, specimen) if fitted is not None and trusted(fitted) else None
 

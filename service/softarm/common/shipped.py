@@ -1,10 +1,10 @@
-"""Files that travel with the fakes: what commands start when they are given no scenario of their own."""
+"""Files that travel with the fakes: what commands start when the user names no scenario."""
 
 from importlib import resources
 from pathlib import Path
 
 DEMO_SCENARIO = "demo"
-"""Valve terminal, motion capture, force gauge and bend sensors; ``softarm fakes`` knows it by this name."""
+"""Valve terminal, motion capture, force gauge and bend sensors; ``softarm fakes`` finds it by this name."""
 
 
 def fake_specimen() -> Path:

@@ -1,4 +1,4 @@
-"""Recordings taken in before a diagnosis: what was found becomes findings of its own."""
+"""Checks and repairs of recordings before a diagnosis: what they find becomes findings of its own."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -20,7 +20,7 @@ from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
 
 SURE = 1e12
-"""Odds at which evidence is cut off: nothing is surer than that."""
+"""Odds at which evidence is cut off: no finding is more certain."""
 EDGE = 0.5
 """How well the begin and the end of an event are known [s]."""
 
@@ -121,8 +121,8 @@ def with_intakes(
     """Add findings of the intake; they were mended or left out, so the verdict is that of the rest.
 
     The intake compares a recording with a steady law that the recording itself shows. An event that the model
-    with all findings predicts is none: it becomes a note. So does every event where nominal recordings tell
-    that the arm now follows a law without a name, for nobody can say what such a law does.
+    with all findings predicts is none: it becomes a note. So does every event where nominal recordings show
+    that the arm now follows a law without a name, for the effect of such a law is unknown.
 
     Args:
         diagnosis: What was found of the recordings as fits may see them.
@@ -156,12 +156,12 @@ def with_intakes(
 
 
 def _one_stuck_sensor(mismatch: Finding, other: Finding) -> bool:
-    """Return whether the intake and the model say of one sensor that it stands still."""
+    """Return whether the intake and the model report the same sensor as stuck."""
     return mismatch.effect == other.effect == "sensor_stuck" and mismatch.where == other.where
 
 
 def _both_stuck(mismatch: Finding, other: Finding) -> Finding:
-    """Say in one finding what the intake saw in some recordings and the model in others."""
+    """Merge into one finding what the intake saw in some recordings and the model in others."""
     since = min(mismatch.parameters["since"], other.parameters["since"], key=lambda one: one.value)
     statement = f"{other.statement} {mismatch.statement}"
     return replace(
@@ -172,7 +172,7 @@ def _both_stuck(mismatch: Finding, other: Finding) -> Finding:
 def _cause(
     diagnosis: Diagnosis, intake: Intake, event: Disturbance, on_the_model: Sequence[EventErrors]
 ) -> str:
-    """Say what explains an event after all; empty where nothing does."""
+    """Write what explains an event after all; empty where nothing does."""
     if diagnosis.nominal and diagnosis.verdict == "unexplained":
         return "What acts without a name may have caused it."
     errors = errors_of(event.recording, on_the_model)

@@ -24,7 +24,7 @@ PRESSURE_GRAIN = 20.0
 LOAD_GRAIN = 1e-5
 """Inputs that differ by less [Pa; N, N m, m/s2] are solved once."""
 COARSE = {kind: Resolution(layers=1) for kind in ("quadrant_cylinder", "cylinder")}
-"""Meshes of bodies whose usual mesh takes seconds to solve; calibration takes up what they are stiffer by."""
+"""Meshes of bodies whose usual mesh takes seconds to solve; calibration absorbs their excess stiffness."""
 BUDGET = 150.0
 """Seconds for which finite elements are solved at all, so that a diagnosis ends."""
 

@@ -96,7 +96,7 @@ def run(
         request: What to diagnose.
         executor: Runs independent work.
         advance: Called with what is being done.
-        keep: Given the residuals and columns, before anything is looked for.
+        keep: Called with the residuals and columns, before the search for effects.
         notify: Called with what was set aside, left out of the recordings, or assumed.
 
     Raises:
@@ -133,7 +133,7 @@ def run(
 
     @cache
     def rod() -> CalibratedRod:
-        """Return the rod that is known, else one that is fitted once, and kept, to few samples."""
+        """Return the shipped or cached rod, else one that is fitted to few samples and kept."""
 
         def fitting(done: int, whole: int) -> None:
             advance(f"fitting the rod, {done} of {whole}")
@@ -204,7 +204,7 @@ def _without_axes(specimen: Specimen, sessions: Sequence[Session]) -> bool:
 def with_axes(
     specimen: Specimen, admitted: Admitted, sections: tuple[str, ...], rod: CalibratedRod
 ) -> tuple[Specimen, str]:
-    """Calibrate a specimen whose bends' axes nobody knows; every fourth stretch of time stays unseen.
+    """Calibrate a specimen whose bends' axes are unknown; every fourth stretch of time stays unseen.
 
     Raises:
         InputError: However the axes lie, the model predicts the motion no better than its mean does.
@@ -371,7 +371,7 @@ def ring_frequency(session: Session) -> float | None:
 
 
 def _on_mesh(specimen: Specimen, admitted: Admitted, known: FittedRod | None) -> bool:
-    """Return whether the recordings ask for so few different answers that finite elements may give them."""
+    """Return whether the recordings hold so few different inputs that finite elements are fast enough."""
     if specimen.geometry.kind != "block" and known is not None:
         return False
     distinct = 0

@@ -279,9 +279,9 @@ def noise(test: InnovationTest) -> str:
     """Write whether what is left is white noise of the learnt size, itself and once its past is used."""
     if not test.variance:
         return "Whether what is left is noise was not tested."
-    said = "is" if is_white(test) else "is not"
+    verb = "is" if is_white(test) else "is not"
     words = (
-        f"What is left {said} white noise of the learnt size once each channel's own past is used: over "
+        f"What is left {verb} white noise of the learnt size once each channel's own past is used: over "
         f"channels, {_spans(test.variance, test.correlation)}."
     )
     if not is_white(test):

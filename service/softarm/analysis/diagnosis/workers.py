@@ -13,11 +13,11 @@ class Inline(Executor):
     """Runs work at once in this process."""
 
     def submit(self, work: Callable[..., Any], /, *args: Any, **kwargs: Any) -> Future[Any]:
-        """Run work and give its finished future."""
+        """Run work and return its finished future."""
         future: Future[Any] = Future()
         try:
             future.set_result(work(*args, **kwargs))
-        except Exception as error:  # noqa: BLE001 - the future hands it to whoever asks for the result
+        except Exception as error:  # noqa: BLE001 - the future raises it where the result is read
             future.set_exception(error)
         return future
 

@@ -24,11 +24,11 @@ from softarm.estimator.sensing import Bend
 from softarm.estimator.specimen import Specimen
 
 LEAST_DURATION = 30.0
-"""Seconds that a recording must last: a short one tells a force from a pose by nothing."""
+"""Seconds that a recording must last: a short one does not separate a force from a pose."""
 LEAST_ERROR = np.radians(3.0)
-"""Rms of what pressures alone leave of a bend, above which the specimen is not that of the recording."""
+"""Rms error of a bend predicted from pressures above which the specimen is not that of the recording."""
 BETTER = 2.0
-"""Factor by which axes, gain and bias of its own must better that."""
+"""Factor by which axes, gain and bias of its own must reduce that error."""
 PROBES = 60
 NODES = 160
 
@@ -36,10 +36,10 @@ NODES = 160
 def aligned(
     specimen: Specimen, recording: Recording, advance: Callable[[float], None] = lambda _: None
 ) -> tuple[Specimen, str]:
-    """Calibrate a specimen on a recording of bends that it plainly does not predict; else give it as it is.
+    """Calibrate a specimen on a recording of bends that it does not predict; else return it as it is.
 
     Nothing is done where the specimen was calibrated, where the recording is short, or where pressures
-    predict the bends: forces that act all along the recording would be taken for pose.
+    predict the bends: the fit would attribute forces that act all along the recording to the pose.
 
     Returns:
         The specimen and what was done in one sentence, empty for nothing.
@@ -64,7 +64,7 @@ def aligned(
 
 
 def quick_model(specimen: Specimen, advance: Callable[[float], None]) -> BatchArmModel:
-    """Return the rod where it is known and near the finite elements, else these."""
+    """Return the rod if one is stored that is near the finite elements, else these."""
     rod = known_trusted_rod(specimen)
     if rod is not None:
         return rod.with_loads(())

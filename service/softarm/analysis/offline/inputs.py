@@ -23,7 +23,7 @@ def load_recordings(
 ) -> tuple[Recording, ...]:
     """Load recordings, each cut to a window of its time [s] where one is given.
 
-    Those of one name in different folders are named with as much of their folders as tells them apart.
+    Recordings of one name in different folders are named with as many of their folders as distinguish them.
     Their units are not checked: that is left to ``taken_in``, which mends what is unambiguous.
 
     Raises:
@@ -35,7 +35,7 @@ def load_recordings(
 
 
 def distinct_names(names: Sequence[str], paths: Sequence[Path]) -> tuple[str, ...]:
-    """Return names that tell recordings apart, with the folders above where their own names are alike.
+    """Return distinct names of recordings, with the folders above where their own names are equal.
 
     Args:
         names: What the recordings are called.

@@ -12,7 +12,7 @@ from softarm.estimator.series import window_means
 def resample(run: CalibrationRun, rate: float) -> CalibrationRun:
     """Average a run over consecutive windows; a run that is slower already stays as it is.
 
-    The mean of a window of length 1 / rate keeps motion faster than half the rate from turning up at lower
+    The mean of a window of length 1 / rate keeps motion faster than half the rate from appearing at lower
     frequencies. Windows without any reading are left out; a reading absent from a whole window stays NaN.
 
     Args:

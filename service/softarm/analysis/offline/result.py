@@ -29,7 +29,7 @@ def as_recording(track: Track[State], source: Recording, info: Mapping[str, Any]
     Args:
         track: The estimates.
         source: The recording that was estimated.
-        info: What else ``recording.toml`` should say.
+        info: Further entries of ``recording.toml``.
     """
     wanted = track.run.time
     reach = 0.51 * float(np.median(np.diff(wanted))) if len(wanted) > 1 else np.inf

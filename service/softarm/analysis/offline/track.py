@@ -29,7 +29,7 @@ MOMENT_SIGMA = 0.1  # N m
 STATUSES = ("converged", "iterations_exhausted", "diverged")
 SHOWN = 6
 PATIENCE_S = 40.0
-"""Seconds of searches in vain, one after the other, after which the rest of a run is given up."""
+"""Seconds of searches in vain, one after the other, after which the rest of a run is left out."""
 
 
 @dataclass
@@ -170,7 +170,7 @@ def track(
 def begin_near(
     estimator: Follower[State], waypoints: Waypoints[State], index: int, loads: Sequence[Load]
 ) -> None:
-    """Let an estimator without physics begin at a waypoint, where there is one."""
+    """Start an estimator without physics at a waypoint, where there is one."""
     start = waypoints.at(index, loads)
     if start is not None and isinstance(estimator, Estimator):
         estimator.begin_at(*start)
@@ -214,7 +214,7 @@ def settings(loads: Sequence[Load], specimen: Specimen, run: CalibrationRun) -> 
 def actuation(specimen: Specimen, run: CalibrationRun) -> ActuationMap:
     """Return the map from recorded to chamber pressures; nominal pressures are noisier than measured ones.
 
-    The error of a nominal pressure is relative to that chamber's own: one that stays vented is known to be.
+    The error of a nominal pressure is relative to that chamber's own: one that stays vented has none.
     """
     sections = tuple(section.name for section in specimen.sections)
     calibrated = SpecimenSensors(specimen, sections, Registration()).actuation()

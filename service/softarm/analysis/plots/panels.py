@@ -18,7 +18,7 @@ class PlotLine:
     Args:
         label: What it is.
         values: In the panel's unit, shape (samples,).
-        dashed: Whether it is a wish (a commanded pressure) and not a reading.
+        dashed: Whether it is a commanded pressure and not a reading.
     """
 
     label: str

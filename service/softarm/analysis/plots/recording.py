@@ -61,7 +61,7 @@ def draw_streams(recording: Recording) -> Figure:
 
 
 def _paired(panel: PlotPanel) -> bool:
-    """Return whether each reading is followed by its wish, so that both take one colour."""
+    """Return whether each measured curve is followed by its commanded one, so that both share a colour."""
     return len(panel.lines) > 1 and [line.dashed for line in panel.lines[:2]] == [False, True]
 
 

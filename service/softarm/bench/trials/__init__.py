@@ -1,1 +1,1 @@
-"""Blind trials of a diagnosis: read from folders, diagnosed, and scored where answers are given."""
+"""Blind trials of a diagnosis: read from folders, diagnosed, and scored where there are answers."""

@@ -1,4 +1,4 @@
-"""What one diagnosis of one trial gave, and the file that keeps all of them."""
+"""The outcome of one diagnosis of one trial, and the file that keeps all of them."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -12,14 +12,14 @@ from softarm.estimator.errors import InputError
 
 @dataclass(frozen=True)
 class TrialOutcome:
-    """What one diagnosis of one trial gave.
+    """The outcome of one diagnosis of one trial.
 
     Args:
         trial: Name of the trial.
         seconds: How long it took.
-        recorded_s: Length of all recordings that it was given.
+        recorded_s: Length of all its recordings.
         status: Exit status of the diagnosis; -1 when it was ended for its time.
-        message: Its last line on standard error when it gave no report.
+        message: Its last line on standard error when it wrote no report.
         report: ``report.json`` as a table; empty when there is none.
         digest: Of all that went into it; see ``digest_of``.
     """

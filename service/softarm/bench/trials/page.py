@@ -1,4 +1,4 @@
-"""The page of a proof: tables that were made anew take the place of those of the same title."""
+"""The page of a proof: tables that were made anew replace those of the same title."""
 
 import re
 from collections.abc import Sequence
@@ -22,14 +22,14 @@ def write_page(path: Path, tables: Sequence[Table], head: str) -> None:
     Args:
         path: The page, in Markdown.
         tables: Tables that were made; see ``renewed``.
-        head: What a page that does not exist yet says first.
+        head: Beginning of a page that does not exist yet.
     """
     page = renewed(path.read_text("utf-8") if path.exists() else head, tables)
     write_whole({path: page.encode()})
 
 
 def renewed(page: str, tables: Sequence[Table]) -> str:
-    """Put tables into a page; what it says before its first table, and its other tables, stay.
+    """Put tables into a page; its text before the first table, and its other tables, stay.
 
     Args:
         page: What there is, in Markdown.

@@ -104,7 +104,7 @@ def diagnose_trial(trial: Trial, out: Path, extra: Sequence[str] = ()) -> TrialO
 
 
 def _duration(path: Path) -> float:
-    """Return the length of a recording [s]; 0 where it cannot be read, which the diagnosis has said."""
+    """Return the length of a recording [s]; 0 where it cannot be read, which the diagnosis has reported."""
     try:
         time_s = load_recording(path).time
     except InputError:

@@ -47,7 +47,7 @@ class Hit:
     Args:
         effect: Its name.
         named: Whether a finding bears its name.
-        in_set: Whether a finding names it or lists it among what the data cannot tell from it.
+        in_set: Whether a finding names it or lists it among what the data cannot distinguish from it.
         placed: Whether that finding is at its place; ``None`` where it was not named.
         size: Its size; ``None`` where it was not placed or is defined otherwise.
         taken_for: What was named instead; empty where it was named or nothing was.
@@ -84,7 +84,7 @@ class Score:
     """How one diagnosis fared.
 
     Args:
-        outcome: What the diagnosis gave.
+        outcome: Outcome of the diagnosis.
         answer: What was concealed.
         hits: One for each concealed effect.
         named: Names of all findings.
@@ -111,7 +111,7 @@ class Score:
 
     @property
     def called_unknown(self) -> bool:
-        """Whether a mismatch was reported without a name of physics; an event only says when."""
+        """Whether a mismatch was reported without a name of physics; an event only states when."""
         mismatch = self.ran and self.outcome.report["verdict"] != "consistent"
         return mismatch and not {*self.named} - {"event"}
 

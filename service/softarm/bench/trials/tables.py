@@ -12,7 +12,7 @@ from softarm.common.tables import Cell, Table
 
 AIMS = {"single": 0.95, "pair": 0.85, "null": 0.01, "foreign": 0.90}
 ALIKE = "line_leak"
-"""Not identifiable: a leak of the fake arm's short lines takes a share of a pressure, as a gain does."""
+"""Not identifiable: a leak of the fake arm's short lines scales a pressure, as a gain does."""
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.01)
 IDENTIFIABLE = "identifiable effects named and placed"
 
