@@ -186,8 +186,8 @@ _AIMS: tuple[tuple[str, str, Callable[[Cells], bool]], ...] = (
     ("validation", "position [mm]", _is_validation("position")),
     ("validation", "orientation [degrees]", _is_validation("orientation")),
     *(
-        ("teach", f"{quantity}, {told} [{unit}]", _is_teach(quantity, hand))
-        for hand, told in (
+        ("teach", f"{quantity}, {which} [{unit}]", _is_teach(quantity, hand))
+        for hand, which in (
             *((hand, f"hand {hand}") for hand in HANDS.values()),
             (IN_REACH, "poses in reach of either"),
         )

@@ -40,12 +40,12 @@ class Recorded:
 
 
 def specimen_of_arm(client: Arm) -> Specimen:
-    """Ask the service which specimen it runs on."""
+    """Request the specimen that the service runs on."""
     return Specimen.model_validate_json(client.ask("specimen"))
 
 
 def slew_of(client: Arm) -> float | None:
-    """Ask the service for the fastest change of a set-point that its valves allow [Pa/s]."""
+    """Request the fastest change of a set-point that the service's valves allow [Pa/s]."""
     values = list(_values(json.loads(client.ask("config")), "slew_pa_per_s"))
     return min(values) if values else None
 
@@ -73,7 +73,7 @@ def run_excitation(
     Args:
         client: The arm's client, with the lease; it leaves the arm disarmed and vented.
         choices: What to run.
-        ask: Asks somebody to do by hand what a manoeuvre needs; false leaves it out.
+        ask: Requests what a manoeuvre needs of a person; where it returns false, the manoeuvre is left out.
         advance: Called with the seconds done.
 
     Raises:
@@ -107,7 +107,7 @@ def run_manoeuvre(client: Arm, manoeuvre: Manoeuvre, advance: Callable[[float], 
 
 
 def _follow(client: Arm, manoeuvre: Manoeuvre, advance: Callable[[float], None]) -> float:
-    """Send the set-points of a manoeuvre as time goes by; give the longest time between two [s]."""
+    """Send the set-points of a manoeuvre as time goes by; return the longest time between two [s]."""
     pause = threading.Event()
     begin, before, longest = time.monotonic(), 0.0, 0.0
     while True:

@@ -47,7 +47,7 @@ def manoeuvres_of(
     Args:
         specimen: The arm.
         names: Which ones; all when empty.
-        by_hand: Whether somebody is there to turn the mount and to pluck the arm.
+        by_hand: Whether somebody is there to rotate the mount and to pluck the arm.
         slew: Fastest change of a set-point [Pa/s].
         share: Part of the largest pressures to use.
 

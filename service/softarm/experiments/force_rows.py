@@ -48,7 +48,7 @@ class PullTrack:
     Args:
         condition: ``not pressurised``, ``pressurised`` or another name.
         sensors: Which sensors it rests on.
-        pull: What the gauge says.
+        pull: What the gauge measures.
         track: The estimates.
         errors: Estimates beside the gauge while the cord is on.
     """
@@ -97,7 +97,7 @@ def follow_pull(
     at_rest: bool = False,
     released: bool = False,
 ) -> PullTrack:
-    """Estimate the force over a recording and hold it against the gauge.
+    """Estimate the force over a recording and compare it with the gauge.
 
     Args:
         case: Recording and specimen.
@@ -145,7 +145,7 @@ def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells
 
 
 def axial_rows(case: PullCase, *, at_rest: bool = False) -> list[Cells]:
-    """Estimate force along the arm's axis and torque about it from poses; the cord gives no torque."""
+    """Estimate force along the arm's axis and torque about it from poses; the cord applies no torque."""
     slow, pull = case.look("poses", None if at_rest else RATE_HZ)
     model = tracking_model(case.specimen, wrench_loads(case.specimen, pull.section))
     tracked = track(model, case.specimen, slow, waypoints=case.waypoints)

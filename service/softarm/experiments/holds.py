@@ -1,4 +1,4 @@
-"""Holds in a recording: stretches in which nothing that is asked of the arm changes, and their means."""
+"""Holds in a recording: stretches in which no command to the arm changes, and their means."""
 
 from dataclasses import replace
 

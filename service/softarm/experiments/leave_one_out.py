@@ -1,7 +1,7 @@
 """Leave-one-out validation, as the paper does it: each pose predicted by a fit to all the others.
 
 The fits share one linearisation at the calibrated specimen. With J_i and r_i the whitened rows of pose i and
-P what is known beforehand, the fit without pose i moves the unknowns by
+P the prior information, the fit without pose i moves the unknowns by
 (sum_{j != i} J_j^T J_j + P)^-1 sum_{j != i} J_j^T r_j and leaves r_i - J_i times that.
 """
 
@@ -60,7 +60,7 @@ def without_each(residual: Floats, jacobian: Floats, prior: Floats) -> Floats:
     Args:
         residual: Whitened, shape (poses, rows).
         jacobian: Shape (poses, rows, unknowns).
-        prior: Information known beforehand, shape (unknowns, unknowns).
+        prior: Prior information, shape (unknowns, unknowns).
     """
     normals = np.einsum("pra,prb->pab", jacobian, jacobian)
     gradients = np.einsum("pra,pr->pa", jacobian, residual)

@@ -25,7 +25,7 @@ from softarm_client.session import DEFAULT_ENDPOINT
 
 LIFETIME_S = 5.0
 GAUGE_S = 5.0
-"""How long a gauge may take to send its first reading."""
+"""Longest time until a gauge sends its first reading."""
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class LiveRig:
         raise InputError(self.client.keys.arm, f"publishes no pose of {section}", "see its findings")
 
     def lost(self) -> list[str]:
-        """Name the sensors that the service finds silent, with what it says to do."""
+        """Name the sensors that the service finds silent, with its advice."""
         silent = (finding for finding in self.client.state().findings if finding.code == "stale_sensor")
         return [f"{finding.where}: {finding.message}; {finding.hint}" for finding in silent]
 
@@ -84,7 +84,7 @@ class LiveRig:
         """Make sure that the gauge at the tip reads before anybody pulls.
 
         Raises:
-            InputError: It tells nothing.
+            InputError: It sends no reading.
         """
         try:
             self.client.states().wait_for(lambda s: s.gauges_n.get("tip") is not None, GAUGE_S)
@@ -126,7 +126,7 @@ class LiveRig:
         self.hooks.append(HookPlace(self.now, hook.copy(), measured))
 
     def untie(self) -> None:
-        """Take the cord off."""
+        """Untie the cord."""
         self.operator.untie()
         self.hooks.append(HookPlace(self.now, np.full(3, np.nan)))
 
@@ -208,7 +208,7 @@ def live_rig(
 
     Args:
         settings: Which.
-        ask: Tells a person what to do and returns when it is done.
+        ask: Shows a person what to do and returns when it is done.
         sensors: Kinds of sensors of the fakes' estimator.
     """
     arm, endpoint, specimen = settings.arm, settings.endpoint, settings.specimen
@@ -239,7 +239,7 @@ def live_rig(
 
 @contextmanager
 def live_fakes(rig: FakeRig, client: Arm) -> Iterator[LiveRig]:
-    """Wait until a rig of fakes is ready, and take its lease and its control port."""
+    """Wait until a rig of fakes is ready, and acquire its lease and its control port."""
     wait_ready(client)
     with FakeControl(str(rig.announcement["control"])) as control, client.lease():
         operator = FakeOperator(control, laboratory_of(control))

@@ -154,8 +154,8 @@ def force_live(rig: LiveRig) -> tuple[Recording, Recording]:
 def teach_live(rig: LiveRig, seed: int) -> tuple[Recording, ...]:
     """Show poses by hand, let the service hold each, and look.
 
-    The recording notes when the looks at shown and held poses ended [s], ``looks``, whether the service took
-    each pose for reachable, ``reachable``, and what it said of how near pressures come, ``limits``.
+    The recording notes when the looks at shown and held poses ended [s], ``looks``, whether the service
+    called each pose reachable, ``reachable``, and its note on how near pressures come, ``limits``.
     """
     rng = np.random.default_rng(seed)
     shown: list[float] = []
@@ -172,8 +172,8 @@ def teach_live(rig: LiveRig, seed: int) -> tuple[Recording, ...]:
             holds.append(hold)
             rig.advance()
     recording = rig.load(paths[0])
-    told = {"reachable": [hold.reachable for hold in holds], "limits": [hold.note for hold in holds]}
-    return (replace(recording, info={**recording.info, "looks": [shown, held], **told}),)
+    answers = {"reachable": [hold.reachable for hold in holds], "limits": [hold.note for hold in holds]}
+    return (replace(recording, info={**recording.info, "looks": [shown, held], **answers}),)
 
 
 def _show_and_hold(rig: LiveRig, rest: Floats, goal: Floats) -> tuple[float, float, Hold]:

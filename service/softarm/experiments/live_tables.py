@@ -44,11 +44,11 @@ WAY = "Live over zenoh; figures are of the service's recording, by the service's
 
 @dataclass(frozen=True)
 class Talk:
-    """How a live experiment talks to whoever started it.
+    """How a live experiment communicates with whoever started it.
 
     Args:
-        ask: Tells a person what to do and returns when it is done.
-        notify: Takes what was written before the rest is done.
+        ask: Shows a person what to do and returns when it is done.
+        notify: Reports what was recorded before the rest is done.
         advance: Called after each step.
     """
 
@@ -64,7 +64,7 @@ def run_live_arms(name: str, settings: LiveRigSettings, count: int, talk: Talk) 
         name: ``validate``, ``teach`` or ``force``; or ``calibrate``, which is then all that is done.
         settings: Where; each arm has a folder of its own in that of ``settings``.
         count: Number of arms; they are drawn with tolerances of their own.
-        talk: Whom to tell.
+        talk: How it communicates with whoever started it.
     """
     results, tables = list[SeedResult](), list[Table]()
     for number in range(1, count + 1):
@@ -85,13 +85,13 @@ def run_live_arms(name: str, settings: LiveRigSettings, count: int, talk: Talk) 
 def run_live(
     name: str, settings: LiveRigSettings, seed: int, talk: Talk
 ) -> tuple[tuple[Table, ...], SeedResult]:
-    """Run one experiment live and give its tables; recordings, plots and JSON go to a folder.
+    """Run one experiment live and return its tables; recordings, plots and JSON go to a folder.
 
     Args:
         name: ``calibrate``, ``validate``, ``teach`` or ``force``.
         settings: Where it runs; a fake arm is calibrated from its drawing where no specimen is named.
         seed: Of the random poses.
-        talk: Whom to tell.
+        talk: How it communicates with whoever started it.
     """
     sensors = ("pose",) if name == "teach" else ("orientation",)
     out = settings.out
@@ -122,7 +122,7 @@ def run_live(
 
 
 def _alone(table: Table, seed: int) -> Table:
-    """Leave out what does not differ on one arm; the first row gives all headings that are left."""
+    """Leave out what does not differ on one arm; the first row has all headings that are left."""
     names = [name for name in dict.fromkeys(n for row in table.rows for n in row) if name not in SAME]
     notes = tuple(note.removeprefix(f"Seed {seed}: ") for note in table.notes)
     return replace(table, rows=[{name: row.get(name) for name in names} for row in table.rows], notes=notes)
@@ -143,8 +143,8 @@ def _calibrated(
     runs = [arrange(recording, specimen, None, loads) for recording in recordings]
     solver = known_force_model(specimen, lambda _: advance())
     outcome = calibrate(solver, specimen, runs, Options(nodes=NODES, iterations=8))
-    told = f"softarm experiment calibrate, {', '.join(run.name for run in runs)}"
-    save_specimen(calibrated_specimen(specimen, outcome, told), out / SPECIMEN)
+    provenance = f"softarm experiment calibrate, {', '.join(run.name for run in runs)}"
+    save_specimen(calibrated_specimen(specimen, outcome, provenance), out / SPECIMEN)
     return calibration_tables(outcome)
 
 
@@ -175,7 +175,7 @@ def judge_taught(specimen: Specimen, recordings: tuple[Recording, ...], result: 
     valid = np.isfinite(shown).all(axis=1) & np.isfinite(held).all(axis=1)
     shown, held = shown[valid], held[valid]
     millimetres, degrees = misses(shown, held)
-    told = list(zip(recording.info["limits"], recording.info["reachable"], strict=True))
+    answers = list(zip(recording.info["limits"], recording.info["reachable"], strict=True))
     reachable = np.array(recording.info["reachable"], dtype=bool)[valid]
     result.add("teach", miss_rows("held with feedback", millimetres, degrees))
     if reachable.any() and not reachable.all():
@@ -185,7 +185,7 @@ def judge_taught(specimen: Specimen, recordings: tuple[Recording, ...], result: 
     lost = f", {int((~valid).sum())} left out: not seen while shown or held" if not valid.all() else ""
     counted = f"{len(held)} poses; the service called {int(reachable.sum())} of them reachable"
     result.notes.append(f"{counted} to within the sensors' noise{lost}.")
-    far = [f"{k}: {note}" for k, (note, can) in enumerate(told, 1) if not can]
+    far = [f"{k}: {note}" for k, (note, can) in enumerate(answers, 1) if not can]
     if far:
         result.notes.append(f"Of the poses, {' '.join(far)}")
 

@@ -29,10 +29,10 @@ def known_force_model(specimen: Specimen, advance: Advance = lambda _: None) -> 
 
 @dataclass
 class SharedSolutions:
-    """SharedSolutions of models of one arm, at which others of the same arm begin at nearly the same inputs.
+    """Responses of models of one arm, from which others of the same arm begin at nearly the same inputs.
 
     Args:
-        known: Pressures [Pa] and loads [N] of a batch, and the response to it.
+        known: Pressures [Pa] and loads [N] of each batch, and the response to it.
     """
 
     known: list[tuple[Floats, Floats, ArmResponse]] = field(default_factory=list)

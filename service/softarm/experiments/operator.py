@@ -1,4 +1,4 @@
-"""Who moves gauge and hand in a live experiment: the fakes' control port, or a person, who is asked to."""
+"""Who moves gauge and hand in a live experiment: the fakes' control port, or a person at the terminal."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -24,13 +24,13 @@ class ExperimentOperator(Protocol):
         """
 
     def untie(self) -> None:
-        """Take the cord off."""
+        """Untie the cord."""
 
     def lead(self, section: str, place: Floats) -> None:
         """Lead a section by hand towards a place in the base frame [m]."""
 
     def let_go(self) -> None:
-        """Take the hand away."""
+        """Release the section."""
 
 
 @dataclass
@@ -39,7 +39,7 @@ class FakeOperator:
 
     Args:
         control: Their control port.
-        to_laboratory: Turns a place in the base frame into one in the laboratory [m].
+        to_laboratory: Converts a place in the base frame to one in the laboratory [m].
         stiffness: Of the hand's grip [N/m].
     """
 
@@ -73,7 +73,7 @@ class FakeOperator:
 
 @dataclass
 class Person:
-    """Tells a person what to do and waits until it is done.
+    """Shows a person what to do and waits until it is done.
 
     Args:
         ask: Shows a sentence and returns when the person has confirmed.

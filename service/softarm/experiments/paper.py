@@ -11,7 +11,7 @@ class Published:
         mean: Mean error in the experiment's unit.
         largest: Largest error.
         aim: Mean error aimed at.
-        span: Range of the measured quantity; NaN where errors are not given in percent of it.
+        span: Range of the measured quantity; NaN where errors are not stated in percent of it.
     """
 
     mean: float

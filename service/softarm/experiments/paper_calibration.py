@@ -29,7 +29,7 @@ NODES = 10
 
 @dataclass(frozen=True)
 class PaperCalibration:
-    """What the paper's procedure gives.
+    """The result of the paper's procedure.
 
     Args:
         shape: Specimen after the first calibration.

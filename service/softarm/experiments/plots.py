@@ -73,7 +73,7 @@ def _save(figure: Figure, path: Path) -> Path:
 
 
 def _bars(columns: Series, units: tuple[str, ...], what: str) -> Figure:
-    """Errors pose by pose, one panel a unit."""
+    """Draw errors pose by pose, one panel a unit."""
     figure = Figure(figsize=(4.2 * len(units), 3.0), layout="constrained")
     panels = figure.subplots(1, len(units), squeeze=False)[0]
     for panel, unit in zip(panels, units, strict=True):
@@ -88,7 +88,7 @@ def _bar(panel: Axes, values: Sequence[float], unit: str, what: str) -> None:
 
 
 def _teach(columns: Series) -> Figure:
-    """Errors pose by pose, each attempt beside the others."""
+    """Draw errors pose by pose, each attempt beside the others."""
     figure = Figure(figsize=(8.4, 3.0), layout="constrained")
     panels = figure.subplots(1, 2, squeeze=False)[0]
     for panel, unit in zip(panels, ("mm", "degrees"), strict=True):

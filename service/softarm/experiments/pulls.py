@@ -24,7 +24,7 @@ LEAVE_S = 0.2
 
 @dataclass(frozen=True)
 class GaugePull:
-    """What the gauge says over the times of an estimate.
+    """The reading of the gauge over the times of an estimate.
 
     Args:
         section: Section that the cord is tied to.
@@ -166,7 +166,7 @@ def force_errors(track: Track[State], pull: GaugePull, untied: Flags | None = No
 
     Args:
         track: Estimates with lateral loads on the pulled section.
-        pull: What the gauge says at the same times.
+        pull: What the gauge measures at the same times.
         untied: Samples at which no force acts; each pull is tared by those just before it. None leaves the
             estimates as they are.
     """

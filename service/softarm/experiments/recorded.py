@@ -35,7 +35,7 @@ class FakeRun:
 
 
 def perform(run: FakeRun, folder: Path) -> Path:
-    """Let the fake arm do a run and record it; a run that is there already is taken as it is.
+    """Simulate and record a run of the fake arm; a recording that exists already is kept.
 
     Returns:
         The recording.
@@ -59,8 +59,8 @@ def perform(run: FakeRun, folder: Path) -> Path:
     except subprocess.TimeoutExpired as error:
         raise WorkFailedError(f"the fake arm: no end after {TIMEOUT_S:g} s at {run.name}") from error
     if done.returncode:
-        told = (done.stderr.strip().splitlines() or ["no message"])[-1]
-        raise WorkFailedError(f"the fake arm: {told}")
+        message = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        raise WorkFailedError(f"the fake arm: {message}")
     return recording
 
 

@@ -35,7 +35,7 @@ EXTRA: Mapping[str, Mapping[str, Any]] = {
     "witmotion": {"rate_hz": 50},
     "quaternion_line": {"unit": 2, "rate_hz": 8},
 }
-"""What a driver must know of a fake beside its address."""
+"""Settings of a driver for a fake, beside its address."""
 INERTIAL = ("bno08x_rvc", "witmotion", "xbus", "quaternion_line")
 
 
@@ -94,7 +94,7 @@ def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) 
 
     Args:
         settings: What to start.
-        devices: What the fakes said when they were ready.
+        devices: The devices that the fakes reported when they were ready.
 
     Returns:
         The configuration as a table.
@@ -125,7 +125,7 @@ def service_config(settings: RigSettings, devices: Sequence[Mapping[str, Any]]) 
 
 
 def _first_of_each(sensors: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
-    """Keep one sensor of each quantity on each section: the service takes no more."""
+    """Keep one sensor of each quantity on each section: the service accepts no more."""
     chosen: dict[tuple[str, str], dict[str, Any]] = {}
     for sensor in sensors:
         quantity = "frame" if sensor["kind"] in PLACED else sensor["kind"]
@@ -182,7 +182,7 @@ class Process:
 
     Args:
         arguments: Words after ``softarm``.
-        log: File that takes what it says on standard error.
+        log: File for its standard error.
     """
 
     def __init__(self, arguments: Sequence[str], log: Path) -> None:
@@ -210,9 +210,9 @@ class Process:
         assert self.process.stdout is not None
         line = self.process.stdout.readline()
         if not line:
-            told = self._log.read_text().strip().splitlines()[-1:] or ["no message"]
+            lines = self._log.read_text().strip().splitlines()[-1:] or ["no message"]
             raise InputError(
-                f"softarm {self._arguments[3]}", f"ended at once ({told[0]})", f"see {self._log}"
+                f"softarm {self._arguments[3]}", f"ended at once ({lines[0]})", f"see {self._log}"
             )
         return line
 
@@ -237,7 +237,7 @@ class FakeRig:
 
     Args:
         settings: What to start.
-        folder: Takes the configuration, the logs, the state and the recordings.
+        folder: Folder of the configuration, the logs, the state and the recordings.
     """
 
     def __init__(self, settings: RigSettings, folder: Path) -> None:

@@ -35,7 +35,7 @@ class FakeControl:
         self._file = self._socket.makefile("rwb")
 
     def ask(self, do: str, **fields: object) -> dict[str, Any]:
-        """Send a request and give the reply.
+        """Send a request and return the reply.
 
         Raises:
             InputError: The fakes refused it.
@@ -69,7 +69,7 @@ def ramp_pressures(client: Arm, start: Sequence[float], goal: Sequence[float], d
         client: The arm's client, with the lease.
         start: Pressures at the beginning [Pa].
         goal: Pressures at the end [Pa].
-        duration_s: How long it takes.
+        duration_s: Duration of the ramp.
     """
     begin = time.monotonic()
     pause = threading.Event()

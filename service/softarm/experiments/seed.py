@@ -78,7 +78,7 @@ class SeedPlan:
 
     Args:
         number: Number of the seed; arms are drawn by it, 0 is the demo's, without tolerances.
-        folder: Takes recordings and the calibrated specimen.
+        folder: Folder of the recordings and the calibrated specimen.
         experiments: ``calibrate``, ``validate``, ``force``, ``teach``.
         specimen: Nominal specimen.
         calibrated: A calibrated specimen to use instead of calibrating.
@@ -97,14 +97,14 @@ class SeedPlan:
 
 @dataclass
 class SeedResult:
-    """What came of it.
+    """The results of one arm.
 
     Args:
         number: Number of the seed.
         tables: Rows by the name of the table.
         series: Columns of each plot by its name.
         notes: What a reader should know.
-        failed: Experiments that did not come to an end; the notes say why.
+        failed: Experiments that did not come to an end; the notes state why.
         done: Experiments that did.
     """
 
@@ -121,7 +121,7 @@ class SeedResult:
 
 
 class SeedBench:
-    """The recordings and the calibration of one arm, made when they are first asked for."""
+    """The recordings and the calibration of one arm, made when they are first read."""
 
     def __init__(self, plan: SeedPlan) -> None:
         self.plan = plan
@@ -134,7 +134,7 @@ class SeedBench:
         return self.plan.number or None
 
     def model(self, specimen: Specimen) -> BatchArmModel:
-        """Return a model of the arm that begins at what others have answered."""
+        """Return a model of the arm that begins at the responses of others."""
         return WarmModel(known_force_model(specimen), self._responses)
 
     def recording(self, name: str) -> Recording:
@@ -162,8 +162,8 @@ class SeedBench:
         kept = self.plan.folder / "specimen.toml"
         if self.plan.resume and kept.exists():
             return load_specimen(str(kept))
-        told = f"softarm experiment, fake arm {self.plan.number}, {', '.join(CALIBRATION_RUNS)}"
-        specimen = calibrated_specimen(self.nominal, self.found, told)
+        provenance = f"softarm experiment, fake arm {self.plan.number}, {', '.join(CALIBRATION_RUNS)}"
+        specimen = calibrated_specimen(self.nominal, self.found, provenance)
         save_specimen(specimen, self.plan.folder / "specimen.toml")
         return specimen
 

@@ -23,7 +23,7 @@ PROGRESS_S = 15.0
 def wait_built(client: Arm, silent_s: float = SILENT_S, progress_s: float = PROGRESS_S) -> None:
     """Wait until the service has left STARTING, however long it builds its estimator.
 
-    The service bounds this itself: it ends an estimator that is built for too long, and gives it up after
+    The service bounds this itself: it ends an estimator that is built for too long, and stops after
     some attempts. In a fresh installation the kernels are compiled, which takes minutes on a busy machine.
 
     Args:
@@ -59,7 +59,7 @@ def wait_ready(client: Arm) -> State:
     """Wait until the service is up, its valves answer and it publishes estimates.
 
     Raises:
-        InputError: It is not ready in time; its findings say why.
+        InputError: It is not ready in time; its findings state why.
     """
     wait_built(client)
     try:
@@ -82,8 +82,8 @@ def connect(rig: FakeRig) -> Arm:
     last: UnreachableError | None = None
     for _ in range(30):
         if rig.service.process.poll() is not None:
-            told = (rig.folder / "service.log").read_text().strip().splitlines()[-1:]
-            raise InputError("softarm serve", f"ended ({' '.join(told)})", f"see {rig.folder}")
+            lines = (rig.folder / "service.log").read_text().strip().splitlines()[-1:]
+            raise InputError("softarm serve", f"ended ({' '.join(lines)})", f"see {rig.folder}")
         try:
             return Arm(rig.settings.arm, rig.settings.endpoint, name="experiment")
         except UnreachableError as error:  # zenoh itself waits three seconds for the port

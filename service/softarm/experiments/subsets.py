@@ -17,7 +17,7 @@ def subset(run: CalibrationRun, kind: str) -> CalibrationRun:
 
     Args:
         run: What was recorded.
-        kind: ``bends``; ``orientations``, the rotations of the poses, as inertial units would give them;
+        kind: ``bends``; ``orientations``, the rotations of the poses, as inertial units would report them;
             ``poses``; or ``fused``, everything.
 
     Raises:

@@ -41,7 +41,7 @@ VALVES_SEED = 7000
 
 @dataclass(frozen=True)
 class TeachResult:
-    """What came of it.
+    """The misses of taught poses.
 
     Args:
         millimetres: Distances from the shown poses, before and after each correction, shape
@@ -149,10 +149,10 @@ def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:
 
 
 def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, number: int | None) -> TeachResult:
-    """Let the fake arm hold the poses that were shown, lead it back by what is missed, repeat.
+    """Hold the shown poses with the fake arm and correct the pressures by the misses, several times.
 
     The pressures and the corrections are those of the service: loads traded for pressures at the estimate of
-    the shown pose, then a step towards it from the estimate of the held one; the service takes such steps
+    the shown pose, then a step towards it from the estimate of the held one; the service makes such steps
     little by little.
 
     Args:
@@ -188,13 +188,13 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
             number,
             holds_table(setpoints, HOLD_S, RAMP_S),
         )
-        told = load_recording(perform(run, folder))
-        windows = _held(told, specimen, len(setpoints))
+        repeated = load_recording(perform(run, folder))
+        windows = _held(repeated, specimen, len(setpoints))
         missed.append(misses(poses.readings, windows.readings))
         if attempt == CORRECTIONS:
             break
         for row, estimate, goal in zip(
-            setpoints, follow(model, specimen, _slow(told, specimen), windows.time), shown, strict=True
+            setpoints, follow(model, specimen, _slow(repeated, specimen), windows.time), shown, strict=True
         ):
             applied, now = mapping.to_measured(estimate.measured_pressures), estimate.inputs.pressures
             change = approach(estimate, tips, limits, goal.frames, applied, goal.residuals).change
