@@ -89,7 +89,7 @@ class Throttle(Generic[Kind]):
         self._lock = threading.Lock()
 
     def __call__(self, message: Kind) -> None:
-        """Hand a message on, unless the last one was a moment ago."""
+        """Pass a message on, unless the last one was a moment ago."""
         now = time.monotonic()
         with self._lock:
             if now - self._last < self._interval_s:

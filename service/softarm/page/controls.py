@@ -31,7 +31,7 @@ class Controls:
     ) -> None:
         gui = server.gui
         self._show_pose = show_pose
-        self._operator = operator = Operator(client, lambda: len(server.get_clients()), self._say)
+        self._operator = operator = Operator(client, lambda: len(server.get_clients()), self._notify)
         stop = gui.add_command("STOP", description="Vent at once; needs no lease.", hotkey="escape")
         stop.on_trigger(lambda _: operator.stop())
         teach = gui.add_button(
@@ -95,7 +95,7 @@ class Controls:
         """Acts for whoever sits at the page."""
         return self._operator
 
-    def _say(self, text: str) -> None:
+    def _notify(self, text: str) -> None:
         self._answer.content = readings.reading("answer", plain(text))
 
     def show_state(self, state: State) -> None:
@@ -103,6 +103,6 @@ class Controls:
         self._recording.content = readings.recording(state)
 
     def enable(self, enabled: bool) -> None:
-        """Let everything but STOP be pressed, or not."""
+        """Enable or disable everything but STOP."""
         for button in self._inputs:
             button.disabled = not enabled

@@ -18,7 +18,7 @@ UNITS = {"rad": "rad", "m": "m", "pa": "Pa"}
 COLOURS = {"before": "#d95f02", "after": "#1b7f79"}
 """As in the report."""
 ROWS = 8
-"""Channels that are listed: those that are furthest off before."""
+"""Number of channels that are listed: those with the largest residuals before."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Channel:
 
 
 class MismatchOverTime:
-    """Reads what a recording of a diagnosis is off by.
+    """Reads the residuals in a recording of a diagnosis.
 
     Args:
         recording: With the columns of ``softarm.estimator.diagnosis.motion``.
@@ -76,7 +76,7 @@ class MismatchOverTime:
         return columns[before], columns[before.replace("_before_", "_after_", 1)]
 
     def at(self, time_s: float) -> str:
-        """Write what the channels are off by at a time of the recording [s]."""
+        """Write the residuals of the channels at a time of the recording [s]."""
         index = max(int(np.searchsorted(self._recording.time, time_s, side="right")) - 1, 0)
         rows = "".join(one.row(index) for one in self._channels[:ROWS])
         heads = (

@@ -25,7 +25,7 @@ class Operator:
     Args:
         client: Client of the arm's service.
         browsers: Counts the browsers that show the page.
-        say: Shows one line to the operator.
+        notify: Shows one line to the operator.
         clock: Monotonic time [s].
     """
 
@@ -33,12 +33,12 @@ class Operator:
         self,
         client: Arm,
         browsers: Callable[[], int],
-        say: Callable[[str], None],
+        notify: Callable[[str], None],
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._client = client
         self._browsers = browsers
-        self._say = say
+        self._notify = notify
         self._clock = clock
         self._mode: str = Mode.STARTING
         self._pressed_s = float("-inf")
@@ -110,7 +110,7 @@ class Operator:
         self._send(self._client.clear)
 
     def tare(self) -> None:
-        """Take the present external force as zero."""
+        """Tare: count the present external force as zero."""
         self._send(self._client.tare, "the present force counts as zero")
 
     def record(self, name: str) -> None:
@@ -137,11 +137,11 @@ class Operator:
         try:
             result = command()
         except CommandRefusedError as refusal:
-            self._say(f"refused: {refusal}")
+            self._notify(f"refused: {refusal}")
             return False
         self._mode = result.mode
         short = short_of(result) if isinstance(result, Pose) else ""
-        self._say("; ".join(filter(None, (f"the arm is {self._mode}", done, short))))
+        self._notify("; ".join(filter(None, (f"the arm is {self._mode}", done, short))))
         return True
 
     @property
@@ -154,7 +154,7 @@ class Operator:
         try:
             self._client.acquire()
         except CommandRefusedError as refusal:
-            self._say(f"refused: {refusal}")
+            self._notify(f"refused: {refusal}")
             return False
         return True
 

@@ -1,4 +1,4 @@
-"""The right side of the page: what the service says, and the force over time."""
+"""The right side of the page: what the service reports, and the force over time."""
 
 import time
 from collections import deque
@@ -18,7 +18,7 @@ HISTORY = 300
 CURVE_PX = 110
 AXIS_PX = 15
 ESTIMATE_OLD_S = 1.0
-"""The service, too, takes an estimator as failed that has been silent for so long."""
+"""The service, too, counts an estimator as failed that has been silent for so long."""
 ESTIMATED = ("#forces", "#model", ".uplot-container")
 EVERYTHING = (*ESTIMATED, "#stress", "#pressures", "#instruments", "#recording")
 

@@ -23,7 +23,7 @@ class Instant:
     Args:
         sections: Estimated poses, from base to tip.
         loads: Estimated forces.
-        setpoints_pa: Pressures asked for; ``None`` before the first.
+        setpoints_pa: Set-points of the chambers; ``None`` before the first.
         measured_pa: Measured gauge pressures; ``None`` before the first.
         gauges_n: Pull of each force gauge.
     """
@@ -77,7 +77,7 @@ class Playback:
         return float(self.times[0]), float(self.times[-1])
 
     def at(self, time_s: float) -> Instant:
-        """Return what is known at a time of the recording [s]; before the first estimate, that estimate."""
+        """Return the newest values at a time of the recording [s]; at least those of the first estimate."""
         count = int(np.searchsorted(self.recording.time, max(time_s, self.times[0]), side="right"))
         return Instant(
             tuple(self._pose(section, count) for section in self.sections),
@@ -129,21 +129,21 @@ def bent_surface(rest_m: Floats, specimen: Specimen, sections: Sequence[SectionP
         Nodes of the bent arm [m], shape (nodes, 3).
     """
     rest = {section.name: section for section in specimen.sections}
-    heights, centres, turns = [], [], []
+    heights, centres, rotations = [], [], []
     for pose in sections:
         section = rest[pose.section]
-        turn = _rotation(pose.quaternion_wxyz) * _rotation(section.frame_quaternion).inv()
+        rotation = _rotation(pose.quaternion_wxyz) * _rotation(section.frame_quaternion).inv()
         for height in sorted({section.from_m, section.to_m}):
             arm = np.array((0.0, 0.0, height)) - np.array(section.frame_origin_m)
             heights.append(height)
-            centres.append(np.array(pose.position_m) + turn.apply(arm))
-            turns.append(turn)
-    rotations = Rotation.concatenate(turns)
-    tangents = rotations.apply((0.0, 0.0, 1.0))
+            centres.append(np.array(pose.position_m) + rotation.apply(arm))
+            rotations.append(rotation)
+    stacked = Rotation.concatenate(rotations)
+    tangents = stacked.apply((0.0, 0.0, 1.0))
     at = np.clip(rest_m[:, 2], heights[0], heights[-1])
     across = rest_m - np.column_stack([np.zeros((len(at), 2)), at])
     return np.asarray(
-        CubicHermiteSpline(heights, centres, tangents)(at) + Slerp(heights, rotations)(at).apply(across)
+        CubicHermiteSpline(heights, centres, tangents)(at) + Slerp(heights, stacked)(at).apply(across)
     )
 
 

@@ -10,7 +10,7 @@ import viser
 REFRESH_S = 0.1
 STEP_S = 0.01
 MARKS = 100
-"""Number of places on the slider that can be told apart by eye."""
+"""Number of places on the slider that the eye can distinguish."""
 
 
 class Player:
@@ -73,7 +73,7 @@ class Player:
         """Show the time of the slider, and move it while the recording plays."""
         while True:
             playing, moved = self._playing_since, self._slider.value != self._shown_s
-            if playing is not None and moved:  # drawn along by hand
+            if playing is not None and moved:  # moved by hand
                 self._playing_since = playing = time.monotonic(), self._slider.value
             if playing is not None:
                 self._advance(*playing)
@@ -91,7 +91,7 @@ class Player:
 
 
 def marks(times_s: Iterable[float], begin_s: float, end_s: float) -> tuple[float, ...]:
-    """Return where a slider is marked [s]: times that cannot be told apart by eye share a mark."""
+    """Return where a slider is marked [s]: times that the eye cannot distinguish share a mark."""
     grain = (end_s - begin_s) / MARKS
     inside = np.array([time_s for time_s in times_s if begin_s <= time_s <= end_s])
     _, first = np.unique(np.round((inside - begin_s) / grain), return_index=True)

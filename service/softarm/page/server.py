@@ -24,7 +24,7 @@ from softarm.estimator.errors import InputError
 
 FOREIGN = Origin("http://foreign.invalid")
 PING_S, PONG_S = 2.0, 3.0
-"""A browser is asked for a sign of life after the first; without one for the second it no longer counts.
+"""The server pings a browser after the first; without an answer for the second it no longer counts.
 
 One that lost its network would otherwise count for 40 s, and hold a pose that nobody watches.
 """
@@ -41,7 +41,7 @@ def page_origins(host: str, port: int, more: Sequence[str] = ()) -> tuple[str, .
     """List the origins that the page's own addresses have in a browser.
 
     Raises:
-        InputError: The address is every interface, and nothing says what browsers will call it.
+        InputError: The address is every interface, and no option names it for browsers.
     """
     if host in ANYWHERE and not more:
         cure = f"name the address that browsers will use: --origin http://NAME:{port}"
@@ -58,7 +58,7 @@ def open_server(host: str, port: int, label: str, origins: Sequence[str]) -> vis
 
     Raises:
         InputError: The address is not one of this host, or this version of viser lets foreign origins in.
-        WorkFailedError: The port is taken.
+        WorkFailedError: The port is in use.
     """
     _require_free(host, port)
     with (
@@ -85,7 +85,7 @@ def page_server(host: str, port: int, arm: str, origins: Sequence[str] = ()) -> 
 
     Raises:
         InputError: The address cannot be served on.
-        WorkFailedError: The port is taken.
+        WorkFailedError: The port is in use.
     """
     server = open_server(host, port, arm, page_origins(host, port, origins))
     try:
@@ -127,7 +127,7 @@ def _titled(answer: Answer, title: str) -> Answer:
 
 
 def _require_free(host: str, port: int) -> None:
-    """Refuse a port in use; viser would silently take the next one."""
+    """Refuse a port in use; viser would silently use the next one."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     with socket.socket(family) as probe:
         probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

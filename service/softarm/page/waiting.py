@@ -1,4 +1,4 @@
-"""The page before the arm's service is there: it waits, and says for what."""
+"""The page before the arm's service is there: it waits, and shows for what."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ class ServedArm:
 
 
 def ask_arm(client: Arm) -> ServedArm:
-    """Ask a service for what the page shows.
+    """Request from a service what the page shows.
 
     Raises:
         CommandRefusedError: No service of this arm answers.
@@ -40,7 +40,7 @@ def ask_arm(client: Arm) -> ServedArm:
 def wait_for_arm(
     server: viser.ViserServer,
     connect: Callable[[], Arm],
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
     ended: Callable[[], bool],
 ) -> ServedArm | None:
     """Wait until the arm's service answers; browsers show meanwhile that the page waits.
@@ -48,7 +48,7 @@ def wait_for_arm(
     Args:
         server: viser's server.
         connect: Opens the client; raises ``UnreachableError`` while nothing answers.
-        say: Takes what is waited for, once for each reason.
+        notify: Called with what the page waits for, once for each reason.
         ended: Pauses before the next try, and returns whether to end instead.
 
     Returns:
@@ -58,7 +58,7 @@ def wait_for_arm(
         SetupError: No client can be opened as it is configured, however long the page waits.
     """
     shown = server.gui.add_markdown("")
-    client, said = None, ""
+    client, last = None, ""
     while True:
         try:
             client = client or connect()
@@ -67,9 +67,9 @@ def wait_for_arm(
             raise
         except ClientError as error:
             text = f"waiting for the service: {error}"
-            if text != said:
-                said, shown.content = text, f"## {plain(text)}"
-                say(text)
+            if text != last:
+                last, shown.content = text, f"## {plain(text)}"
+                notify(text)
         else:
             shown.remove()
             return arm

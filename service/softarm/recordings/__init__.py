@@ -1,6 +1,6 @@
 """Recordings on disk: MCAP, canonical tables as CSV and Parquet, and Qualisys exports.
 
-``load_recording`` and ``save_recording`` are the door; the suffix of the path decides on the format.
+``load_recording`` and ``save_recording`` are the interface; the suffix of the path decides on the format.
 """
 
 from softarm.recordings.events import load_events

@@ -37,7 +37,7 @@ def load_events(path: str | Path) -> tuple[RecordedEvent, ...]:
     """Load the events of a recording in the order of their times; only MCAP holds any.
 
     Args:
-        path: What ``load_recording`` takes; the file may be cut off or damaged.
+        path: What ``load_recording`` accepts; the file may be cut off or damaged.
 
     Raises:
         InputError: There is no such recording.

@@ -1,4 +1,4 @@
-"""``recording.toml``: what is known of a run."""
+"""``recording.toml``: the facts of a run."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -32,7 +32,7 @@ def read_info(path: Path) -> dict[str, Any]:
 
 
 def format_info(info: Mapping[str, Any]) -> bytes:
-    """Write what is known of a run as TOML."""
+    """Write the facts of a run as TOML."""
     return tomli_w.dumps(info).encode()
 
 

@@ -29,8 +29,8 @@ def load_recording(
     Args:
         path: A folder with ``recording.csv``, ``.parquet`` or ``.mcap``, or a file of those formats, ``.c3d``
             or ``.tsv``.
-        column_map: For Qualisys exports, a TOML file whose tables ``markers`` and ``bodies`` give the names
-            that labels and rigid bodies have in a recording; the TOML beside the export when left out.
+        column_map: For Qualisys exports, a TOML file whose tables ``markers`` and ``bodies`` map labels
+            and rigid bodies to their names in a recording; the TOML beside the export when left out.
         units_checked: Whether values that only another unit explains are refused; off where an intake,
             which mends them, follows.
 
@@ -123,7 +123,7 @@ def save_recording(
 
 
 def _holds(file: Path, data: bytes) -> bool:
-    """Return whether a TOML file says the same as some bytes, perhaps in another layout."""
+    """Return whether a TOML file holds the same as some bytes, perhaps in another layout."""
     try:
         return file.is_file() and parse_toml(str(file), file.read_bytes()) == parse_toml(str(file), data)
     except InputError:

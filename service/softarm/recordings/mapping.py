@@ -62,5 +62,5 @@ def _check_names(where: str, mapping: object) -> None:
 
 
 def _plain(label: str) -> str:
-    """Turn a label into a part of a column's name: ``Tip - 1`` becomes ``Tip_1``."""
+    """Convert a label to a part of a column's name: ``Tip - 1`` becomes ``Tip_1``."""
     return re.sub(r"[^A-Za-z0-9]+", "_", label).strip("_")

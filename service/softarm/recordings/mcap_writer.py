@@ -66,7 +66,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class RecordTimes:
-    """When a reading was taken.
+    """When a reading was measured.
 
     Args:
         t_s: Time of the recording [s].
@@ -103,7 +103,7 @@ class StreamWriter:
     """Writes streams to an open file.
 
     A chunk is finished, flushed and synchronised whenever ``flush_period_ns`` of host time has passed, so
-    that a loss of power costs no more than that; reading takes the file up to its last whole chunk.
+    that a loss of power costs no more than that; a reader uses the file up to its last whole chunk.
 
     Args:
         file: Open for writing bytes.
@@ -113,7 +113,7 @@ class StreamWriter:
         flush_period_ns: Host time between chunks; ``None`` lets their size decide.
         start: Clocks at time zero of a live recording: log and publish times are then wall-clock times, and
             each message carries the host's monotonic time and the device's.
-        metadata: What is known of the run, for programs that read no attachments.
+        metadata: Facts of the run, for programs that read no attachments.
     """
 
     def __init__(
@@ -276,7 +276,7 @@ def write_recording(
 
 
 def _begin_ns(recording: Recording) -> int:
-    """Return the wall clock at time zero [ns]; where it is not known, what makes no time negative."""
+    """Return the wall clock at time zero [ns]; else one that makes no time negative."""
     begin_ns = recording.info.get(STARTED)
     if isinstance(begin_ns, int) and begin_ns > 0:
         return begin_ns

@@ -101,7 +101,7 @@ def _frame(recording: Recording) -> pl.DataFrame:
 
 
 def _read_cell_by_cell(path: Path, data: bytes, header: list[str]) -> dict[str, Floats]:
-    """Read a table that is not what the fast reader takes, to name the cell or row at fault."""
+    """Read a table that the fast reader refuses, to name the cell or row at fault."""
     columns: list[list[float]] = [[] for _ in header]
     # what is no text becomes a cell that is no number, whose row is then named
     reader = csv.reader(StringIO(data.decode("utf-8-sig", errors="replace"), newline=""))

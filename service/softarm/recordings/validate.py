@@ -116,7 +116,7 @@ def _check_size(source: str, column: str, samples: Floats) -> None:
 
 
 def _check_pressure_unit(source: str, recording: Recording) -> None:
-    """Refuse pressures that move like an actuated arm's but stay below 10 mbar: kPa or mbar taken for Pa.
+    """Refuse pressures that move like an actuated arm's but stay below 10 mbar: kPa or mbar written as Pa.
 
     Noise about zero of an arm that is not pressurised is no such thing: its steps from sample to sample are
     as large as its spread.

@@ -76,7 +76,7 @@ class _Run:
     Args:
         name: File name without suffix.
         attachments: Files kept in it.
-        info: What is known of the run.
+        info: Facts of the run.
         start: Clocks at its time zero.
     """
 
@@ -116,7 +116,7 @@ class Recorder:
         directory: Where the files go; it is made when missing.
         create: Creates a file and opens it for writing.
         free_bytes: Returns the space left at the last look, without looking; ``None`` when unknown.
-        header: What is known of every recording: arm, specimen, configuration, version, host.
+        header: Entries of every recording: arm, specimen, configuration, version, host.
         look: Looks up the free space of a directory's disk [bytes].
         clocks: Reads both clocks of the host.
     """
@@ -166,9 +166,9 @@ class Recorder:
         """Open a file; this waits for the disk, so the event loop calls it in a thread.
 
         Args:
-            name: File name without suffix; a number is added when it is taken.
+            name: File name without suffix; a number is added when it is in use.
             attachments: Files kept in it: specimen and configuration.
-            info: What is known of this run: who started it, the time of the session.
+            info: Facts of this run: who started it, the time of the session.
 
         Returns:
             The file's final path.
@@ -327,7 +327,7 @@ def _write_item(writer: StreamWriter, item: Sample | Document | Drawing, added: 
 
 
 def _free_path(directory: Path, name: str) -> Path:
-    """Return the first path that is not taken; the directory is listed once."""
+    """Return the first path that is not in use; the directory is listed once."""
     taken = {entry.name.removesuffix(PART_SUFFIX) for entry in directory.iterdir()}
     numbered = (f"{name}-{number}.mcap" for number in range(2, len(taken) + 3))
     return directory / next(file for file in (f"{name}.mcap", *numbered) if file not in taken)

@@ -10,7 +10,7 @@ from softarm.daemon.config import Setup
 def recording_header(setup: Setup) -> dict[str, Any]:
     """Return arm, specimen, configuration, version and host as entries of ``recording.toml``.
 
-    The specimen is the name of a shipped one or the path of a file, as ``--specimen`` takes it.
+    The specimen is the name of a shipped one or the path of a file, as ``--specimen`` accepts it.
     """
     local = setup.path.parent / setup.config.specimen
     return {

@@ -94,7 +94,7 @@ class Bus:
 
         Raises:
             SetupError: An endpoint is not valid.
-            UnreachableError: An address is taken, or the arm is already served.
+            UnreachableError: An address is in use, or the arm is already served.
         """
         self._on_stop = on_stop
         self._session = open_session(self._settings)
