@@ -7,7 +7,7 @@ from random import Random
 
 @dataclass(frozen=True, slots=True)
 class Backoff:
-    """Capped exponential waiting with jitter, so that many devices do not knock in step.
+    """Capped exponential waiting with jitter, so that many devices do not retry in step.
 
     Attributes:
         first_s: Wait after the first failure [s].

@@ -21,7 +21,7 @@ class ClockMap:
     (S. B. Moon, P. Skelly, D. Towsley, "Estimation and removal of clock skew from network delay
     measurements", INFOCOM 1999). Until five seconds are covered the skew counts as zero.
 
-    What it cannot see is the smallest delay itself: mapped times are late by that constant.
+    It cannot see the smallest delay itself: mapped times are late by that constant.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""A device is verbs: building does nothing, `connect` is the only I/O entry, `close` leaves it safe."""
+"""Devices: building one does nothing, `connect` is the only I/O entry, `close` leaves it safe."""
 
 import asyncio
 from abc import ABC, abstractmethod

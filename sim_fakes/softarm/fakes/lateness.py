@@ -1,4 +1,4 @@
-"""Reports when the fakes themselves starve: their silence then is the machine's, not that of a device."""
+"""Reports when the fakes lack processor time: their silence then is no fault of a device."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""From what a gauge shows to a force: unit, direction, tare, and what the operator did to the instrument."""
+"""Conversion of samples to forces: unit, direction, tare, and what the operator changes on the instrument."""
 
 from dataclasses import dataclass
 from typing import Final

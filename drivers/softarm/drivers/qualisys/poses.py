@@ -34,8 +34,8 @@ class BodyPose:
 def poses(frame: BodyFrame) -> list[BodyPose | None]:
     """Return one pose per body, None for a lost one.
 
-    Lost is a body with any number that is not finite, or whose matrix is no rotation: a scrambled pose must
-    not pass for a measurement.
+    A body is lost if any of its numbers is not finite or its matrix is no rotation: a scrambled pose must not
+    pass for a measurement.
     """
     to_pose = _from_angles if frame.component in _EULER else _from_matrix
     return [to_pose(row) for row in frame.values.tolist()]

@@ -1,4 +1,4 @@
-"""Does the terminal hold what was written? If not: did its watchdog fire, or does someone else write?"""
+"""Compares the echo of a terminal with the writes, to detect its watchdog and other masters."""
 
 from collections import deque
 from enum import Enum

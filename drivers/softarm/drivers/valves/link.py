@@ -1,4 +1,4 @@
-"""What the valve bank needs of a Modbus connection: the seam under which the transport is exchanged."""
+"""What the valve bank needs of a Modbus connection; any transport that implements it will do."""
 
 from collections.abc import Sequence
 from typing import Protocol

@@ -149,7 +149,7 @@ class BankSession:
             self._publish(sample)
 
     def _must_read(self, tick: PollTick) -> bool:
-        """Decide whether to read before writing: to see what happened, not what this pass will make of it."""
+        """Return whether to read before writing, so that the echo is not yet changed by this pass."""
         if not self._terminal.exchanges or self._unknown or tick.index % self._config.verify_every == 0:
             return True
         return self._silent

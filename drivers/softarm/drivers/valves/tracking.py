@@ -1,4 +1,4 @@
-"""Commanded but not reached: the measured pressure must stay between the recent set-points."""
+"""Check of tracking: the measured pressure must stay between the recent set-points."""
 
 from collections import deque
 
@@ -6,7 +6,7 @@ from softarm.drivers.valves.pressures import Pressures
 
 
 class TrackingMonitor:
-    """Holds each chamber's measured pressure against the set-points of the last moments.
+    """Compares each chamber's measured pressure with the set-points of the last moments.
 
     A chamber on its way from one set-point to the next lies between them. So the measurement must stay
     between the lowest and the highest set-point of the last ``reach_ns``, to a tolerance; the test needs

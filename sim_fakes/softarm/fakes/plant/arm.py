@@ -198,14 +198,16 @@ class FakeArm:
     def _step(self, inputs: PlantInputs, settling: bool = False) -> None:
         """Integrate one internal step; kinematics are up to date before and after it."""
         self._pressures = self._lines.step(self._pressures, inputs.valve_pressures)
-        worth = self._muscles.effective(self._pressures)
+        effective = self._muscles.effective(self._pressures)
         slides = self._data.qpos[self._chain.slide_positions]
         quaternions = self._data.qpos[self._chain.ball_positions]
         if self._law is not None:
-            worth = worth + self._law.push(self._pressures, self._bends(quaternions), self._parameters.step)
+            effective = effective + self._law.push(
+                self._pressures, self._bends(quaternions), self._parameters.step
+            )
         forces = joint_forces(
             self._table, self._memory, (slides, quaternions),
-            np.append(worth, 0.0)[self._chambers_at],
+            np.append(effective, 0.0)[self._chambers_at],
             self._area_law, self._modulus_factor(), settling,
         )  # fmt: skip
         if not np.abs(forces).max() < FORCE_LIMIT:

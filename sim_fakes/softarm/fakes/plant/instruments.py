@@ -1,4 +1,4 @@
-"""From the truth of a run to what the instruments wrote down, at the levels of real recordings.
+"""Simulated readings: from the true motion of a run to columns with the noise of real recordings.
 
 Noise of the recorded data: bends of motion capture 0.02 to 0.05 degrees from sample to sample, markers 5 to
 20 micrometres, gaps up to 0.14 s; a gauge reads in steps of one gram; a valve terminal in steps of 1 mbar.

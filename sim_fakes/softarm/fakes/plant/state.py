@@ -1,4 +1,4 @@
-"""The seam between a fake arm and the fake instruments: inputs, snapshot, protocol."""
+"""The interface between a fake arm and the fake instruments: inputs, snapshot, protocol."""
 
 from dataclasses import dataclass, field
 from typing import Protocol

@@ -1,4 +1,4 @@
-"""The orientation that an inertial unit believes in: mounting, noise, heading drift, heading at reset."""
+"""The orientation that an inertial unit estimates: mounting, noise, heading drift, heading at reset."""
 
 import numpy as np
 
