@@ -59,7 +59,7 @@ class TeachResult:
 
     @property
     def near(self) -> Flags:
-        """Which poses pressures reach by the model to within the aims, shape (poses,)."""
+        """Whether pressures reach each pose to within the aims, by the model, shape (poses,)."""
         near: Flags = (self.beyond[:, 0] <= TEACH_MM.aim) & (self.beyond[:, 1] <= TEACH_DEGREES.aim)
         return near
 
@@ -205,7 +205,7 @@ def teach_recorded(recording: Recording, specimen: Specimen, folder: Path, numbe
 
 
 def _as_shown(suite: SensorSuite, specimen: Specimen) -> SensorSuite:
-    """Return the sensor of the shown poses with the specimen's noise as what a held pose may miss."""
+    """Return the sensor of the shown poses with the specimen's noise as the tolerance of a held pose."""
     noise = specimen.noise
     return SensorSuite(
         tuple(

@@ -35,7 +35,7 @@ def digest_of(request: DiagnosisRequest) -> str:
 
 
 def done_before(out: Path, digest: str) -> Report | None:
-    """Return the report of a folder if it is whole and came of the same; else ``None``."""
+    """Return the report of a folder if it is whole and has the same digest; else ``None``."""
     if _kept(out)[:1] != [digest]:
         return None
     try:
@@ -57,7 +57,7 @@ def write_report(report: Report, out: Path) -> Path:
 
 
 def write_digest(digest: str, out: Path, specimen: Path | None = None) -> None:
-    """Note what the report in a folder came of, and which specimen was written, once all is written."""
+    """Write the digests of a report's inputs and of the written specimen, once all else is written."""
     lines = [digest] if specimen is None else [digest, _digest_of_file(specimen)]
     write_whole({out / DIGEST: "".join(f"{line}\n" for line in lines).encode()})
 

@@ -103,7 +103,7 @@ def with_touches(
 
 
 def _joined(events: Sequence[Disturbance]) -> tuple[Disturbance, ...]:
-    """Make one of events that overlap: the model sees more of what the intake saw in part."""
+    """Merge events that overlap: the model sees more of what the intake saw in part."""
     found: list[Disturbance] = []
     for event in sorted(events, key=lambda one: one.interval):
         if found and event.interval[0] < found[-1].interval[1]:
@@ -118,7 +118,7 @@ def with_intakes(
     notes: Sequence[str],
     on_the_model: Sequence[EventErrors] = (),
 ) -> Diagnosis:
-    """Add findings of the intake; they were mended or left out, so the verdict is that of the rest.
+    """Add findings of the intake; their data were mended or left out, so the verdict is that of the rest.
 
     The intake compares a recording with a steady law that the recording itself shows. An event that the model
     with all findings predicts is none: it becomes a note. So does every event where nominal recordings show
@@ -177,11 +177,11 @@ def _cause(
         return "What acts without a name may have caused it."
     errors = errors_of(event.recording, on_the_model)
     begin, end = (moment + intake.recording.start for moment in event.interval)
-    left = errors.explained((begin, end)) if errors else None
-    if left is None:
+    residuals = errors.explained((begin, end)) if errors else None
+    if residuals is None:
         return ""
-    within = " and ".join(f"{Amount(size, unit)}" for unit, size in left.items())
-    beyond = any(size > LEAST[unit] for unit, size in left.items())
+    within = " and ".join(f"{Amount(size, unit)}" for unit, size in residuals.items())
+    beyond = any(size > LEAST[unit] for unit, size in residuals.items())
     vibrates = ", no more than it may get a vibration after fast changes of pressure wrong" if beyond else ""
     return f"The model with all findings predicts it to within {within}{vibrates}, so it is no event."
 

@@ -56,7 +56,7 @@ SAMPLES = 9000
 STEP = 0.1
 """Shortest window of a mean in long recordings [s]."""
 SHORT = 20.0
-"""Recordings below it [s] are looked at more closely."""
+"""Shorter recordings [s] keep their own rate, or get windows that fit their vibration."""
 CHECK_NAMES = "check that columns name the right chambers, sensors and units, or calibrate the specimen"
 SLOWEST, FASTEST = 1.5, 15.0
 """Frequencies between which soft arms and beams vibrate [Hz]."""

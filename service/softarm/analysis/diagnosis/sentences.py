@@ -126,31 +126,31 @@ def _contradicted(diagnosis: Diagnosis) -> bool:
 
 def verdict(diagnosis: Diagnosis) -> str:
     """Return the verdict in sentences that are true of the numbers in them."""
-    heldout, left = diagnosis.heldout, diagnosis.unexplained
+    heldout, unexplained = diagnosis.heldout, diagnosis.unexplained
     if not heldout.channels:
         return _unchecked(diagnosis)
     after = f"{number(heldout.after)} times the noise"
     fall = f"falls from {number(heldout.before)} to {after}"
-    known = (
+    nameless_share = (
         " The part of it that no known effects explain, however combined, is "
-        f"{number(left.over_nominal)} times the same part in the recordings in the known state."
-        if left.over_nominal is not None
+        f"{number(unexplained.over_nominal)} times the same part in the recordings in the known state."
+        if unexplained.over_nominal is not None
         else ""
     )
     if diagnosis.verdict == "consistent":
-        beside = (
+        opening = (
             "The findings below show in the readings themselves. Beside them, " if diagnosis.findings else ""
         )
         if heldout.after <= NEAR_NOISE:
-            agrees = f"{'the' if beside else 'The'} model agrees with the recordings"
-            return f"{beside}{agrees}: the error on unseen data is {after}.{blindness(diagnosis)}"
-        missing = f"{'no' if beside else 'No'} missing physics was found"
+            agrees = f"{'the' if opening else 'The'} model agrees with the recordings"
+            return f"{opening}{agrees}: the error on unseen data is {after}.{blindness(diagnosis)}"
+        missing = f"{'no' if opening else 'No'} missing physics was found"
         return (
-            f"{beside}{missing}. The error on unseen data is {after}, so a change that is smaller "
-            f"than this error of the model would not show.{known}{blindness(diagnosis)}"
+            f"{opening}{missing}. The error on unseen data is {after}, so a change that is smaller "
+            f"than this error of the model would not show.{nameless_share}{blindness(diagnosis)}"
         )
     if diagnosis.verdict == "unexplained":
-        return f"{nameless(diagnosis)}: the error on unseen data is {after}.{known}"
+        return f"{nameless(diagnosis)}: the error on unseen data is {after}.{nameless_share}"
     if number(heldout.after) == number(heldout.before):
         stays = f"The error of the model on unseen data stays at {after}."
         if any(finding.effect == "unknown" for finding in diagnosis.findings):
@@ -167,7 +167,7 @@ def verdict(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "partly_explained":
         return (
             "The model is missing physics. The findings below explain part of the mismatch: the error on "
-            f"unseen data {fall}, and some structure is left.{known}"
+            f"unseen data {fall}, and some structure is left.{nameless_share}"
         )
     if heldout.after <= NEAR_NOISE:
         return (
@@ -176,7 +176,7 @@ def verdict(diagnosis: Diagnosis) -> str:
         )
     return (
         "The model was missing physics. The findings below explain the mismatch, but not down to the noise: "
-        f"the error on unseen data {fall}.{known}"
+        f"the error on unseen data {fall}.{nameless_share}"
     )
 
 
@@ -286,8 +286,10 @@ def noise(test: InnovationTest) -> str:
     )
     if not is_white(test):
         words += " Standard deviations may be too small."
-    left = _spans(test.residual_variance, test.residual_correlation)
-    return f"{words} Of the residuals themselves, {left}: the standard deviations of sizes allow for that."
+    residuals = _spans(test.residual_variance, test.residual_correlation)
+    return (
+        f"{words} Of the residuals themselves, {residuals}: the standard deviations of sizes allow for that."
+    )
 
 
 def _spans(variance: Mapping[str, float], correlation: Mapping[str, float]) -> str:
@@ -301,15 +303,16 @@ def _spans(variance: Mapping[str, float], correlation: Mapping[str, float]) -> s
 
 def remaining(diagnosis: Diagnosis) -> str:
     """Write what is left with all findings, where and when."""
-    left = diagnosis.unexplained
+    unexplained = diagnosis.unexplained
     words = "No data were left unseen."
     if diagnosis.heldout.channels:
         words = (
-            f"With all findings the error on unseen data is {number(left.normalised_rms)} times the noise."
+            "With all findings the error on unseen data is "
+            f"{number(unexplained.normalised_rms)} times the noise."
         )
-    if left.when:
-        words += f" Most of it sits at {describe(left.where)}; {dependence(left.when)}."
-    worst = left.worst
+    if unexplained.when:
+        words += f" Most of it sits at {describe(unexplained.where)}; {dependence(unexplained.when)}."
+    worst = unexplained.worst
     if worst is not None:
         words += (
             f" Compared with what was assumed, the error is greatest in {worst.channel} of "

@@ -67,7 +67,7 @@ def force_rows(track: Track[State]) -> list[Cells]:
 
 @dataclass(frozen=True)
 class Residuals:
-    """What the readings of a sensor in one unit keep over the estimate.
+    """Residuals of a sensor in one unit.
 
     Args:
         sensor: Name of the sensor.
@@ -94,7 +94,7 @@ def residuals_by_unit(track: Track[State]) -> Iterator[Residuals]:
 
 
 def sensor_rows(track: Track[State]) -> list[Cells]:
-    """Summarise what each sensor's readings keep over the estimate, beside the sensor's noise."""
+    """Summarise the residuals of each sensor, beside its noise."""
     rows: list[Cells] = []
     for part in residuals_by_unit(track):
         valid = np.isfinite(part.values).all(axis=1)

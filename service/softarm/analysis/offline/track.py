@@ -73,7 +73,7 @@ class Track(Generic[State]):
         frame_std: Standard deviation of each section's translation [m] and rotation [rad] in base axes,
             shape (samples, sections, 6).
         residuals: Measured minus estimated of the whole suite, shape (samples, rows).
-        misfit: Weighted squares that the data keep; chi-square where the model is right, shape (samples,).
+        misfit: Weighted sum of squared residuals; chi-square where the model is right, shape (samples,).
         freedom: Its expectation, shape (samples,).
         status: Index into ``STATUSES``, shape (samples,).
         shown: Index and state of a few samples, for pictures.

@@ -85,15 +85,15 @@ def draw_sections(track: Track[State], title: str) -> Figure:
 
 
 def draw_residuals(track: Track[State], title: str) -> Figure:
-    """Draw what each sensor's readings keep over the estimate, with its noise as a band."""
+    """Draw the residuals of each sensor, with its noise as a band."""
     parts = tuple(residuals_by_unit(track))
     figure, all_axes = stacked(len(parts))
-    for axes, left in zip(all_axes, parts, strict=True):
-        band = 2 * left.noise.max()
+    for axes, residuals in zip(all_axes, parts, strict=True):
+        band = 2 * residuals.noise.max()
         axes.axhspan(-band, band, alpha=0.15, linewidth=0)
-        for number, column in enumerate(left.values.T):
+        for number, column in enumerate(residuals.values.T):
             axes.plot(track.run.time, column, linewidth=0.7, label=str(number))
-        label(axes, f"{left.sensor}: measured minus estimated, band: twice the noise", left.unit)
+        label(axes, f"{residuals.sensor}: measured minus estimated, band: twice the noise", residuals.unit)
     all_axes[-1].set_xlabel("time [s]", fontsize=8)
     figure.suptitle(f"{title}: residuals", fontsize=11)
     return figure

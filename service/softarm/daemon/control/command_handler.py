@@ -308,7 +308,7 @@ class CommandHandler:
     async def _teach_save(self, request: TeachSave) -> Answer:
         hold, estimate = await self._wait_for_hold(request)
         controller = self._context.controller
-        # What holds the arm now was corrected by feedback; the model's own answer was not.
+        # Feedback has corrected the pressures in force, but not the model's own answer.
         held = controller.modes.mode is Mode.HOLDING
         pressures = controller.setpoint if held else hold.pressures
         pose = SavedPose(

@@ -1,4 +1,4 @@
-"""Where readings come from and set-points go: the live devices, behind a seam that a replay fills as well."""
+"""Where readings come from and set-points go: the live devices, behind an interface that a replay shares."""
 
 import logging
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""How late the control loop comes, and whether the processor is to blame for what seems silent."""
+"""How late the control loop comes, and whether a busy processor explains silent devices."""
 
 from array import array
 from collections import deque

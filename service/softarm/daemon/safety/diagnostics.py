@@ -74,7 +74,7 @@ class HealthMonitor:
 
     @property
     def present_faults(self) -> tuple[Diagnostic, ...]:
-        """Faults of the newest observation: what acts on the arm does not wait and does not linger."""
+        """Faults of the newest observation, without hysteresis: they decide what happens to the arm."""
         return tuple(finding for finding in self._present if finding.severity == "fault")
 
     def evaluate(self, observation: ServiceHealth) -> tuple[Diagnostic, ...]:
