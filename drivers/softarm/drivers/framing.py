@@ -1,7 +1,7 @@
 """Incremental framing of byte streams: what every codec of a serial instrument is built on.
 
 A parser takes bytes in any portions and returns the complete frames and the faults. It
-holds at most one frame, never raises whatever the bytes, gives the same result however the stream is split,
+holds at most one frame, never raises whatever the bytes, yields the same result however the stream is split,
 and finds the next good frame after a bad one, because a candidate that fails its check costs one byte and not
 its length.
 """

@@ -100,7 +100,7 @@ class ReadingStream(Generic[Value]):
             self.source,
             flags,
         )
-        # A sample without a counter, among others that have one, takes the next number, not an older one.
+        # A sample without a counter, among others that have one, gets the next number, not an older one.
         self._count = number + 1
         self._remember(reading)
         self._pass_on(reading)

@@ -22,7 +22,7 @@ THREADS = "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"
 UNUSABLE = (
     errno.EACCES, errno.EEXIST, errno.EISDIR, errno.ENAMETOOLONG, errno.ENOTDIR, errno.EPERM, errno.EROFS,
 )  # fmt: skip
-"""Errors of the system that are those of a path which the user gave."""
+"""Errors of the system for which a path of the user is the cause."""
 FULL = errno.ENOSPC, errno.EDQUOT
 
 COMMANDS = {

@@ -23,7 +23,7 @@ class GaugeConfig(SerialConfig):
     """Settings of any force gauge.
 
     Attributes:
-        pull_sign: Sign that the display gives to a pull.
+        pull_sign: Sign of a pull on the display.
         unit: Unit of the display, where the instrument does not send it.
         tare_n: Pull that counts as zero at the start [N].
     """

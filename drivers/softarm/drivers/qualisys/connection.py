@@ -34,7 +34,7 @@ class _Request(NamedTuple):
 class QtmConnection(asyncio.Protocol):
     """A connection, from the welcome to the end.
 
-    QTM answers in the order of the requests. A request that was given up stays in line until its answer has
+    QTM answers in the order of the requests. A request that was abandoned stays in line until its answer has
     come, so that the answer reaches nobody else.
     """
 
@@ -157,7 +157,7 @@ class QtmConnection(asyncio.Protocol):
             self.listener.on_error(text)
 
     def _on_reply(self, packet: bytes) -> None:
-        kind = packet[4]  # the low byte of the kind; the parser knows no kind above 9
+        kind = packet[4]  # the low byte of the kind; the parser accepts no kind above 9
         if self._requests and self._requests[0].kind == kind:
             self._answer(packet)
         elif self.listener is not None:

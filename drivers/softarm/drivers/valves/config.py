@@ -39,7 +39,7 @@ class ValveConfig(DriverConfig):
         response_timeout_s: Time for one answer [s].
         lost_after_misses: Passes in a row without an answer after which the connection counts as lost.
         verify_every: Every so many passes the echo is read before the write. At 1 nothing that others
-            wrote goes unseen; above, a pass mostly takes one request, and what was overwritten within a
+            wrote goes unseen; above, a pass mostly needs one request, and what was overwritten within a
             few passes may go unseen.
         echo_lag_s: How long a write may take to show in the echo [s].
         reach_s: Time in which a set-point must be reached [s].

@@ -14,7 +14,7 @@ UNSUPPORTED = (ILLEGAL_FUNCTION, ILLEGAL_ADDRESS)
 
 @dataclass(frozen=True, slots=True)
 class TimedInputs:
-    """Inputs and when they were taken.
+    """Inputs and when they were measured.
 
     Attributes:
         inputs: The decoded block.

@@ -83,7 +83,7 @@ def cut(recording: Recording, window: tuple[float, float] | None) -> Recording:
 
 
 def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[Recording]) -> Specimen:
-    """Load the specimen that is given, else that which the first recording holds, else that which it names.
+    """Load the named specimen, else the one in the first recording, else the one that it names.
 
     Raises:
         InputError: There is none, or it cannot be read.
@@ -108,7 +108,7 @@ def specimen_of(given: str | None, paths: Sequence[Path], recordings: Sequence[R
 
 
 def specimen_of_any(given: str | None, paths: Sequence[Path]) -> Specimen:
-    """Load the specimen that is given, else that of the first recording that can be read.
+    """Load the named specimen, else that of the first recording that can be read.
 
     Raises:
         InputError: No recording can be read, or there is no specimen, or it cannot be read.

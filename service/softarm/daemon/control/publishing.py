@@ -154,7 +154,7 @@ class Publisher:
         ratio = float(np.sqrt(result.innovation_squared / dof)) if dof > 0.1 else None
         solved: Status = "degraded" if request.lost else "converged"
         loads = self._estimator_state.load_map.forces(net, result.load_covariance)
-        stamp = self._stamp("estimate")  # after all that takes time, so that its time is that of sending
+        stamp = self._stamp("estimate")  # after the slow parts, so that its time is that of sending
         return Estimate(
             stamp=stamp,
             status=solved if result.converged else "not_converged",

@@ -118,7 +118,7 @@ def _serve(requests: Connection, results: Connection, factory: SolverFactory, ni
     try:
         built = factory()
         gc.collect()
-        gc.freeze()  # a collection of all that the solver is built of takes tens of milliseconds
+        gc.freeze()  # a collection of all parts of the solver takes tens of milliseconds
         _write(results, built.report)
         while True:
             request = inbox.wait()

@@ -124,7 +124,7 @@ def _section(parameters: ArmParameters, segment: PlantSegment, number: int) -> C
 
 
 def _masses(parameters: ArmParameters, joints: tuple[Joint, ...]) -> Floats:
-    """Share the silicone's mass by area, and give the rigid part to the last link of each segment [kg]."""
+    """Share the silicone's mass by area, and add the rigid part to the last link of each segment [kg]."""
     masses = np.zeros(len(joints))
     for index, segment in enumerate(parameters.segments):
         joint_indices = [k for k, joint in enumerate(joints) if joint.segment == index]

@@ -1,4 +1,4 @@
-"""Writing a generated recording: the canonical table, what is known of it, and the truth apart."""
+"""Writing a generated recording: the canonical table, its facts, and the truth apart."""
 
 from collections.abc import Mapping
 from pathlib import Path

@@ -103,7 +103,7 @@ def data_packet(frame: MeasuredFrame, components: Sequence[str]) -> bytes:
 def _component(frame: MeasuredFrame, name: str) -> bytes:
     kind, floats, fields = COMPONENTS[name]
     layout = struct.Struct(f"<{floats}f")
-    lost = b"\xff" * layout.size  # packing NaN would give another bit pattern than QTM's
+    lost = b"\xff" * layout.size  # packing NaN would yield another bit pattern than QTM's
     bodies = b"".join(lost if body is None else layout.pack(*fields(body)) for body in frame.bodies)
     head = COMPONENT_HEADER.pack(
         COMPONENT_HEADER.size + len(bodies), kind, len(frame.bodies), frame.drop_rate, frame.out_of_sync

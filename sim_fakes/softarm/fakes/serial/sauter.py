@@ -24,7 +24,7 @@ def sauter_reply(value: float) -> bytes:
 
 
 class FakeSauter(Instrument):
-    """A gauge that answers ``9`` with its reading and takes ``2`` for zero.
+    """A gauge that answers ``9`` with its reading and tares at ``2``.
 
     Args:
         part: Its description.

@@ -66,7 +66,7 @@ def line_lag(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameter
 def line_leak(arm: ArmParameters, where: Where, numbers: Numbers) -> ArmParameters:
     """Lose pressure at ``rate``; in a hold the chamber keeps 1 / (1 + rate lag) of the valve's pressure.
 
-    A chamber that loses air: less pressure than its valve gives, and decay when the valve is shut.
+    A chamber that loses air: less pressure than its valve supplies, and decay when the valve is shut.
     """
     rates = list(arm.actuation.leak_rates)
     for chamber in chosen_chambers(arm, where):
