@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.workers import Inline
+from softarm.estimator.diagnosis.choose import LEAST_BIC
 from softarm.estimator.diagnosis.detection import by_effect, limit, required_gain
 from softarm.estimator.diagnosis.diagnose import diagnose
 from softarm.estimator.diagnosis.result import DetectionLimit, Diagnosis
-from softarm.estimator.diagnosis.sizes import DECIDES
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import model, trial
 
@@ -29,7 +29,7 @@ def test_what_leaves_no_trace_has_no_limit() -> None:
 
 
 def test_a_longer_recording_must_gain_more_and_a_search_that_finds_much_by_chance_too() -> None:
-    assert required_gain(7.0, 2, 5.0, 100.0) == DECIDES + 14.0
+    assert required_gain(7.0, 2, 5.0, 100.0) == LEAST_BIC + 14.0
     assert required_gain(7.0, 2, 90.0, 100.0) == 104.0
     assert required_gain(7.0, 2, 5.0, 25e3) == pytest.approx(2500.0)
 

@@ -442,13 +442,27 @@ def test_an_effect_has_to_explain_more_than_the_others_laws_may_leave(
     assert found == ({1: pytest.approx(beside * DECIDES)} if lost else {})
 
 
-@pytest.mark.parametrize(("gain", "named"), [(0.9, False), (1.1, True)])
-def test_what_hardly_gains_anything_has_no_name(monkeypatch, gain, named):
-    """In two unchanged arms of 34 something was named, which gained less than that."""
-    alone = fit_of("tip_payload", 0.002)
+def of_sensor(name: str, sensor: str, *theta: float) -> Fit:
+    return replace(fit_of(name, *theta), hypotheses=(hypothesis(name, Place(sensor=sensor)),))
+
+
+LIGHT, SCALED = fit_of("tip_payload", 0.002), of_sensor("sensor_scale", "bend_tip", 0.1)
+
+
+@pytest.mark.parametrize(
+    ("fit", "lost"),
+    [
+        (LIGHT, []),
+        (LIGHT.joined(SCALED), [1]),
+        (of_sensor("sensor_drift", "bend_tip", 0.001, 0.0).joined(SCALED), [0, 1]),
+        (of_sensor("sensor_drift", "bend_intermediate", 0.001, 0.0).joined(SCALED), []),
+    ],
+)
+def test_a_weak_effect_may_be_what_the_law_of_another_one_leaves(monkeypatch, fit, lost):
+    """What a sensor does to its own readings leaves nothing for the arm and other sensors to explain."""
     monkeypatch.setattr(sizes, "gain_beside_law_errors", lambda *_: 2.0 * DECIDES)
-    search = SimpleNamespace(contribution=lambda *_: gain * DECIDES, problem=lambda: None, bic_penalty=5.0)
-    assert (fragments(cast("Any", search), alone) == {}) is named
+    search = SimpleNamespace(contribution=lambda *_: 0.9 * DECIDES, problem=lambda: None, bic_penalty=5.0)
+    assert list(fragments(cast("Any", search), fit)) == lost
 
 
 def test_what_an_effect_adds_is_asked_beside_those_found_after_it(monkeypatch):

@@ -115,6 +115,18 @@ def test_tables_hold_every_failure_and_no_more():
     assert tables["Cost"].rows[0]["with_report"] == 2
 
 
+@pytest.mark.parametrize(
+    ("motion", "aim"), [("designed", "at least 95"), ("ordinary", "at least 85"), ("", None)]
+)
+def test_aims_are_those_of_the_motion(motion, aim):
+    named = scored("single", (LAG,), finding("line_lag", chamber=2))
+    named = replace(named, answer=named.answer.model_copy(update={"motion": motion}))
+    rows = {row["what"]: row for row in score_tables([named])[0].rows}
+    assert rows["identifiable effects named and placed"]["aim_percent"] == aim
+    assert rows["trials with a surplus name"]["aim_percent"] == "at most 2"
+    assert rows["effects in the set"]["aim_percent"] is None
+
+
 def test_a_size_counts_as_inside_by_its_own_deviation():
     sure = scored("single", (LAG,), finding("line_lag", value=0.27, std=0.01, chamber=2)).hits[0]
     honest = scored("single", (LAG,), finding("line_lag", value=0.27, std=0.02, chamber=2)).hits[0]

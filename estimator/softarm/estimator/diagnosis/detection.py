@@ -16,11 +16,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from softarm.estimator.diagnosis.candidates import MOST_SURPRISE
-from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.choose import LEAST_BIC, Search
 from softarm.estimator.diagnosis.judge import FALSE_ALARM, MATERIAL, least_explainable
 from softarm.estimator.diagnosis.result import DetectionLimit
 from softarm.estimator.diagnosis.screen import INVISIBLE, null_scores
-from softarm.estimator.diagnosis.sizes import DECIDES
 
 POWER = 1.2816
 """Quantile of a standard normal below which nine of ten lie."""
@@ -73,7 +72,7 @@ def required_gain(bic_penalty: float, parameters: int, chance: float, explainabl
         chance: Score, after the penalty, that 99 % of searches without any effect stay below.
         explainable: What counts as explainable at least.
     """
-    return max(max(DECIDES, chance) + bic_penalty * parameters, MATERIAL * explainable)
+    return max(max(LEAST_BIC, chance) + bic_penalty * parameters, MATERIAL * explainable)
 
 
 def limit(information: float, gain: float, spread: float) -> float:
