@@ -181,3 +181,24 @@ def test_a_body_that_stood_still_is_lost_to_the_sample() -> None:
     lost = good.time[np.isnan(mended.columns["frame_tip_x_m"])]
     assert lost[0] == pytest.approx(begin, abs=0.06)
     assert lost[-1] == pytest.approx(end, abs=0.06)
+
+
+@pytest.mark.parametrize(("pressed", "found"), [(0.0, ()), (2e4, (("frame_tip",),))])
+def test_a_body_that_rests_is_not_stuck_though_one_above_was(
+    pressed: float, found: tuple[object, ...]
+) -> None:
+    """At 20 s the arm is vented; the upper body shows it at 35 s, where another pressure would move both."""
+    rng = np.random.default_rng(0)
+    time = np.arange(0.0, 40.0, 0.02)
+    steps = {"intermediate": 35.0, "tip": 20.0}
+    columns = {"pressure_0_pa": np.where(time < 20.0, 3e4, np.where(time < 30.0, 0.0, pressed))}
+    for section, step in steps.items():
+        moved = {"x": np.where(time < step, 0.04, 0.0), "y": 0.0, "z": 0.2}
+        rotation = {"qw": 1.0, "qx": 0.0, "qy": 0.0, "qz": 0.0}
+        columns |= {
+            f"frame_{section}_{axis}_m": value + rng.normal(0.0, 2e-5, len(time))
+            for axis, value in moved.items()
+        }
+        columns |= {f"frame_{section}_{part}": np.full(len(time), value) for part, value in rotation.items()}
+    _, faults = mend_still(Recording("run", time, columns), SPECIMEN)
+    assert tuple(fault.columns for fault in faults) == found

@@ -328,9 +328,13 @@ def _undriven(time: Floats, streams: Sequence[SampledStream], bends: Sequence[Be
 
 
 def _left_behind(recording: Recording, specimen: Specimen) -> list[Still]:
-    """Find bodies that show nothing but noise while a body above them moves."""
+    """Find bodies that show nothing but noise while a body above them moves.
+
+    While no pressure changes an arm rests, and a body above that seems to move was stuck itself until then.
+    """
     if len(recording.time) < 2:
         return []
+    pressures = pressures_of(recording)
     windows = _windows(recording.time)
     heights = {one.name: one.from_m for one in specimen.sections}
     bodies = sorted(
@@ -342,6 +346,8 @@ def _left_behind(recording: Recording, specimen: Specimen) -> list[Still]:
     for number, (body, values) in enumerate(zip(bodies, moved, strict=True)):
         limits = np.array([QUIET[unit] for unit in body.units])
         for during, seen in _quiet(recording.time, body.values, values, limits):
+            if recording.chambers and np.ptp(pressures[seen], axis=0).max() < ASKED:
+                continue
             above = [other[during, :3] for other in moved[:number]]
             ways = [float(np.nan_to_num(_spread(axis))) for other in above for axis in other.T]
             if max(ways, default=0.0) > CLEAR * QUIET["m"]:
