@@ -34,7 +34,7 @@ TYPES = {
 
 
 class SpecimenError(InputError):
-    """Several errors in one specimen, told in one line.
+    """Several errors in one specimen, reported in one line.
 
     Args:
         file: The specimen's file.
@@ -51,7 +51,7 @@ class SpecimenError(InputError):
 
 
 def describe_errors(file: str, error: ValidationError, model: type[BaseModel]) -> InputError:
-    """Turn a validation error into one that names file, field, value, limit and cure."""
+    """Convert a validation error into one that names file, field, value, limit and cure."""
     entries = [dict(entry) for entry in error.errors()]
     problems = tuple(
         problem
