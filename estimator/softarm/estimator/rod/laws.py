@@ -38,8 +38,8 @@ def term_table(
         scaled: Whether monomials up to the second degree change with the stiffness factor.
 
     Returns:
-        Variables of each term, the constant 0, wrench 1 to 6, then pressures and what tells the stiffness
-        factor; shape (terms, 4).
+        Variables of each term, the constant 0, wrench 1 to 6, then pressures and the variable of the
+        stiffness factor; shape (terms, 4).
     """
     forces, pushes = range(1, wrench + 1), range(wrench + 1, wrench + pressures + 1)
     terms = {c for k in range(1, total + 1) for c in combinations_with_replacement([*forces, *pushes], k)}
