@@ -112,7 +112,7 @@ class ArmDescription(Protocol):
 
     @property
     def sections(self) -> tuple[str, ...]:
-        """Names of the sections whose frames it gives."""
+        """Names of the sections whose frames it predicts."""
 
     @property
     def chambers(self) -> int:

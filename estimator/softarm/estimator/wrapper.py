@@ -16,7 +16,7 @@ class ModelWrapper:
 
     @property
     def sections(self) -> tuple[str, ...]:
-        """Names of the sections whose frames the wrapped model gives."""
+        """Names of the sections whose frames the wrapped model predicts."""
         return self.model.sections
 
     @property

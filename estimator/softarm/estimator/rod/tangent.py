@@ -58,16 +58,16 @@ def point_motion(strain: Floats, rotation: Floats, share: float, arm: Floats, mo
         arm: Point less near station [m], shape (3,).
         motion: Filled, shape (6, 3).
     """
-    part, rotation_to, jacobian = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty((1, 3, 3))
+    part, chord_rotation, jacobian = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty((1, 3, 3))
     spin = np.empty(3)
     for k in range(3):
         part[0, k] = 0.5 * share * strain[k]
-    exp_kernel(part, rotation_to)
+    exp_kernel(part, chord_rotation)
     jacobian_kernel(part, jacobian)
     for c in range(3):
         rotate(rotation, jacobian[0, :, c], spin)
         cross(spin, arm, motion[c])
-        rotate(rotation, rotation_to[0, :, c], motion[3 + c])
+        rotate(rotation, chord_rotation[0, :, c], motion[3 + c])
         for k in range(3):
             # Up to its share s the link rotates by s theta, its chord by half of that.
             motion[c, k] *= 0.5 * share

@@ -175,7 +175,7 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
     Its states are those of the wrapped model.
 
     Args:
-        model: The model of the arm; it gives the ``section_frames`` of any state.
+        model: The model of the arm; it has the ``section_frames`` of any state.
         law: The stretch of its chambers and the effective pressures it makes.
     """
 

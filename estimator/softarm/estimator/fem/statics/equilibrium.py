@@ -181,7 +181,7 @@ def take_step(
         return displacement
     step = step * min(1.0, reach / max(longest, 1e-300))
     deformation = body.rotation_strain.deformation(displacement)
-    # Where no halving helps the shortest step is taken: the next residual then tells that it is invalid.
+    # Where no halving helps the shortest step is taken: the next evaluation then shows that it is invalid.
     for halving in range(8):
         after = body.rotation_strain.moved(displacement, deformation, step * 0.5**halving)
         if balancer(after, inputs, False).evaluation.valid:
