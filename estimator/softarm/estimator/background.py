@@ -1,4 +1,4 @@
-"""A thread that works while its caller goes on, with a mailbox of one."""
+"""A background thread that works on the latest request while its caller continues."""
 
 from collections.abc import Callable
 from threading import Condition, Thread

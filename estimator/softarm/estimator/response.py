@@ -24,7 +24,7 @@ class ArmResponse:
 
     Args:
         frames: Frames of the sections, arrays with a leading axis (samples,).
-        converged: Where an equilibrium was found, shape (samples,).
+        converged: Where the solve converged to an equilibrium, shape (samples,).
         chambers: Number of chambers.
         input_jacobian: Section twists per unit of each pressure, each load and each component of gravity,
             shape (samples, 6 sections, chambers + loads + 3).

@@ -210,7 +210,7 @@ def skew(vectors: Floats) -> Floats:
 
 
 def without_jumps(quaternions: Floats) -> Floats:
-    """Return quaternions whose sign goes on from one sample to the next, so that they can be averaged.
+    """Return quaternions whose sign is continuous from one sample to the next, so that they can be averaged.
 
     Args:
         quaternions: (w, x, y, z) or its negative, which is the same rotation; NaN where unknown, shape

@@ -1,4 +1,4 @@
-"""What models that wrap another one hand on from it."""
+"""Members that models which wrap another one pass on from it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace

@@ -30,17 +30,17 @@ PULLED = ", pulled"
 HELD = ", held"
 """Under pressure and drawn by a gauge at once."""
 HELD_WORTH = 9.0
-"""Weight of a known force under pressure: where a model that is not exact must err, not in the forces."""
+"""Weight of a known force under pressure: an inexact model shall err elsewhere, not in the forces."""
 PULL_TRUST = 1.0 / 3.0
 """A known force determines the stiffness itself, pressures only by gravity and the area that they push on.
 
-Where a model that is not exact must err, it shall err in the pressures, whose gains can make up for it.
+An inexact model shall err in the pressures, whose gains can make up for it.
 """
 LEAST_GAIN = 0.1
 """Decrease of twice the log likelihood in one step at which a fit ends.
 
 A step of a third of a deviation gains as much. Along directions that the data hardly determine, Gauss-Newton
-goes on for long with steps that gain less, each of which costs a solve of every node.
+continues for long with steps that gain less, each of which costs a solve of every node.
 """
 SETTLING = 4  # evaluations after which scatter and correlation stay, so that one function is minimised
 # Shares of the curvature's diagonal (Marquardt 1963): the first one, and that at which no step gains any
@@ -313,7 +313,7 @@ def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, Flo
 
 
 def _covariance(forward: Forward, rows: ResidualRows, scatter: Scatter, normal: Floats) -> Floats:
-    """Return the covariance: that of the curvature, widened to what blocks of ten seconds disagree by.
+    """Return the covariance: that of the curvature, widened by the disagreement of blocks of ten seconds.
 
     The second is the cluster-robust estimate H^-1 (sum_b g_b g_b^T) H^-1 with g_b a block's gradient
     (Liang and Zeger 1986); the curvature's correlations are kept and each deviation is the larger of the two.

@@ -1,4 +1,4 @@
-"""The unknowns of a calibration for what was recorded, and their prior."""
+"""The unknowns of a calibration for given recordings, and their prior."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -166,7 +166,7 @@ def build_layout(
     compliant: Sequence[str] = (),
     drawn: bool = False,
 ) -> Layout:
-    """Choose the unknowns for what was recorded.
+    """Choose the unknowns that the recordings call for.
 
     Args:
         specimen: The robot, its present calibration being the prior.

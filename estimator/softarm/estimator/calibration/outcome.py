@@ -205,7 +205,7 @@ def _frames(specimen: Specimen, calibrated: Calibrated) -> tuple[FrameCalibratio
 
 
 def _mounted(specimen: Specimen, calibrated: Calibrated) -> FrameCalibration | None:
-    """Return how the body on the base is mounted; it adds to what the registration already knew."""
+    """Return how the body on the base is mounted; it adds to the earlier registration."""
     rotation = [calibrated.value(f"base.turn_{axis}") for axis in "xyz"]
     moved = [calibrated.value(f"base.shift_{axis}") for axis in "xyz"]
     if all(value is None for value in (*rotation, *moved)):

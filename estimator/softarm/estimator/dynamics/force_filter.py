@@ -19,7 +19,8 @@ from softarm.estimator.small_matrices import add_congruence, invert, product
 RATE, SLOPE, DAMPING = range(3)
 LAWS = np.array([[0.01, 0.0, 0.06], [0.01, 0.0, 0.12], [0.01, 0.3, 0.12], [1.0, 0.0, 0.06]])
 """By filter: how much a force wanders in one second [N], how much its slope does [N/s], 0 for a force without
-slope, and the damping ratio. A weight on an arm that swings far or dies down, a gauge on its stage, a push.
+slope, and the damping ratio. They stand for a weight on an arm that vibrates far or dies down, a gauge on its
+stage, and a push.
 
 A damping ratio of 0.06 is that of the free vibration of a silicone beam at large amplitude; 0.12, for small
 and slow motion, was compared with 0.06 and 0.2 on fake arm 2 and holds on arms 1 and 3. A random walk in

@@ -11,7 +11,7 @@ Segments = tuple[int, ...]
 """Segment of each chamber."""
 
 QUARTER = np.pi / 2.0
-PLUCK = 0.3  # N, enough to swing the arm and little enough to hold with two fingers
+PLUCK = 0.3  # N, enough to make the arm vibrate and little enough to hold with two fingers
 POSES = 10
 # Multiples of the golden section modulo 1 never cluster.
 GOLDEN = 0.6180339887
@@ -71,7 +71,7 @@ def holds(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
 
 
 def steps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
-    """Jump to poses and let go, so that the arm rings."""
+    """Jump to poses and let go, so that the arm vibrates."""
     path = ManoeuvrePath(limits)
     for number in range(6):
         size = 1.0 if number % 2 else 0.4

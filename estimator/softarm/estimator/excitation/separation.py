@@ -4,7 +4,7 @@ With y_a the readings under effect a and y_b(theta) those under its rival b, the
 
     D^2 = min over theta, n of |L (y_a - y_b(theta) - N n)|^2 + |n / s|^2,
 
-N the readings' change by what calibration may still explain (stiffness and pressure gain of each segment,
+N the change of the readings that calibration may still explain (stiffness and pressure gain of each segment,
 with standard deviations s) and L a whitener for an error with a few independent values in ten seconds. D^2 is
 what a run of the manoeuvre adds to the difference in chi-square (T-optimality: Atkinson and Fedorov,
 Biometrika 62, 1975); two explanations separate safely from about 25 on.
@@ -152,7 +152,10 @@ class SeparationTrial:
         return self._whiten(suite.sensitivity(self.arm.baseline.frames, there).innovation)
 
     def separation(self, effect: PlacedEffect, rival: PlacedEffect) -> float:
-        """Compute D^2 of an effect and its rival, fitted from the parameters given or, if less, from none."""
+        """Compute D^2 of an effect and its rival.
+
+        The rival's fit begins at its parameters or at its neutral ones, where the residuals are smaller.
+        """
         wanted, parameters = self.readings(effect), rival.effect.parameters
 
         def residuals(theta: Floats) -> Floats:

@@ -2,7 +2,7 @@
 
 With x = (wrench / (scale E), pressures / (scale E), 1 / E - 1), E the link's stiffness factor, the six
 strains are y = sum_k c_k x_a x_b x_c x_d over a table of variables per term, variable 0 standing for the
-constant 1. The last variable stands for what does not scale with E: winding and rigid sections.
+constant 1. The last variable stands for the stiffness that does not scale with E: winding and rigid sections.
 """
 
 from itertools import combinations_with_replacement

@@ -12,7 +12,7 @@ PASSES = 20
 INVERTED_PA = 1e-9
 """Error of the inverse [Pa] at which the passes end."""
 LEAST_SLOPE = 0.1
-"""Of a gain; beyond the turning point of a falling curve the inverse goes on along a line."""
+"""Of a gain; beyond the maximum of a falling curve the inverse continues along a line."""
 
 
 @dataclass(frozen=True)

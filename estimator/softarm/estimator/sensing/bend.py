@@ -90,7 +90,7 @@ class Bend:
         direction = self._direction(frames)
         shape = self.scale[:, None] * self._frame() @ bend_jacobian(direction)
         reference = section_rotation(frames, self.reference) @ exp(_axes(self.reference_tilt))
-        # A rotation vector w of the section turns d by U^T (w x U d), one of the reference by its opposite.
+        # A rotation vector w of the section changes d by U^T (w x U d), one of the reference by its opposite.
         rotated = shape @ -skew(direction) @ transpose(reference)
         rows = np.concatenate([np.zeros_like(rotated), rotated], axis=-1)
         twists = twist_rows(frames, self.section, rows)

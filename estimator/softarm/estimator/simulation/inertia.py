@@ -77,7 +77,7 @@ class StrainDynamics:
         drag: Damping beside that in proportion to M and K, of the same shape; ``None`` for none.
         damped: K in proportion to which it damps, of the same shape; ``None`` for that of ``stiffness``.
         rocking: Columns of the mass matrix for rotations of the base about x and y, behind those of the
-            strains, shape (samples, strains + 2, 2); ``None`` where they are not known.
+            strains, shape (samples, strains + 2, 2); ``None`` where they are unknown.
     """
 
     stiffness: Floats
@@ -123,7 +123,7 @@ class StrainDynamics:
         """Return the matrices of an arm with other masses.
 
         Args:
-            ratio: Factor on the segments' masses: the density of rubber is known less well than what was
+            ratio: Factor on the segments' masses: the density of rubber is less certain than what was
                 made in one piece and weighed.
             added: To the sections [kg], shape (sections,).
         """

@@ -190,7 +190,7 @@ def _tagged(annotation: Any, step: Any) -> type[BaseModel] | None:
 
 
 def _below(annotation: Any, step: Any) -> Any:
-    """Return the annotation of what lies at one step below."""
+    """Return the annotation of the item one step below."""
     for option in _options(annotation):
         table = _table(option)
         if table is not None:

@@ -1,6 +1,6 @@
 """A model whose effective pressures grow with the stretch of their chambers.
 
-With p the pressures on unstretched chambers, s(x) the stretches and g the gain, the wrapped model is given
+With p the pressures on unstretched chambers, s(x) the stretches and g the gain, the wrapped model receives
 P = p (1 + g s). With C and D its section twists per unit of pressures and loads, d its Newton step at
 unchanged inputs and E the rows of s, the stretches move by z = E (d + C dP + D dl), where
 dP = (1 + g s) dp + g p (z + q), q being the stretches at the frames less those that P was made with.

@@ -17,7 +17,7 @@ GROWTH_LIMIT = 1e6
 POOR = 0.7
 """Contraction of the residual that counts as poor; three of them in a row end an iteration."""
 SADDLE = 1e-5
-"""Residual below which an equilibrium is at hand; it is left when it is unstable."""
+"""Residual below which an equilibrium is near; the solve leaves it when it is unstable."""
 TILT = 0.1
 """Largest displacement of a node when leaving it, over that of a step."""
 SHIFTS = 10.0 ** np.arange(-8, 4)
