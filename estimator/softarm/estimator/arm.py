@@ -32,7 +32,7 @@ def default_loads(specimen: Specimen, sections: Sequence[str] = ()) -> tuple[Loa
 def build_arm(
     specimen: Specimen, loads: Sequence[Load] | None = None, resolution: Resolution | None = None
 ) -> FiniteElementModel:
-    """Build the finite-element model of a specimen, with the stiffness that calibration found.
+    """Build the finite-element model of a specimen, with its calibrated stiffness.
 
     Gains and biases of pressures and the alignment of sensors are no part of it: they belong to the maps from
     recorded to model pressures and from frames to readings.

@@ -1,4 +1,4 @@
-"""A thread that works while its caller goes on, with a mailbox of one."""
+"""A background thread that works on the latest request while its caller continues."""
 
 from collections.abc import Callable
 from threading import Condition, Thread
@@ -30,7 +30,7 @@ class Background(Generic[Request, Answer]):
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Let the thread finish what it has in hand, and end it."""
+        """Let the thread finish its present request, and end it."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -44,25 +44,25 @@ class Background(Generic[Request, Answer]):
 
     @property
     def idle(self) -> bool:
-        """Whether nothing is asked or in hand."""
+        """Whether no request is pending or being worked on."""
         with self._changed:
             return self._request is None and not self._busy
 
     def ask(self, request: Request) -> None:
-        """Ask, in place of what was asked and not yet begun.
+        """Request work, in place of an earlier request that has not begun.
 
         Raises:
             RuntimeError: Earlier work failed unexpectedly; the cause is attached.
         """
         with self._changed:
-            # Raised here, in the caller's thread: the worker has nobody to tell.
+            # Raised here, in the caller's thread: the worker has nobody to report it to.
             if self._failure is not None:
                 raise RuntimeError(f"{self._thread.name} failed") from self._failure
             self._request = request
             self._changed.notify_all()
 
     def wait(self) -> None:
-        """Wait until nothing is asked or in hand."""
+        """Wait until no request is pending or being worked on."""
         with self._changed:
             self._changed.wait_for(lambda: self._closing or (self._request is None and not self._busy))
 

@@ -1,4 +1,4 @@
-"""The error that wrong input raises, and advice on words that are not known."""
+"""The error that wrong input raises, and advice on unknown words."""
 
 from collections.abc import Collection, Iterable
 from difflib import get_close_matches

@@ -1,4 +1,4 @@
-"""What the inverse problem, the sensors and the diagnosis know of a model of the arm.
+"""The interface of an arm model for the inverse problem, the sensors and the diagnosis.
 
 A model maps inputs (chamber pressures and load amplitudes) to the frames of the rigid sections. The
 finite-element model and the calibrated rod both answer to the protocols below, so that whatever is
@@ -112,7 +112,7 @@ class ArmDescription(Protocol):
 
     @property
     def sections(self) -> tuple[str, ...]:
-        """Names of the sections whose frames it gives."""
+        """Names of the sections whose frames it predicts."""
 
     @property
     def chambers(self) -> int:
@@ -143,4 +143,4 @@ class ArmModel(ArmDescription, Protocol[State, Step]):
         """Take the Newton step for inputs changed by ``change`` (pressures, then loads)."""
 
     def solve(self, inputs: Inputs, start: State) -> tuple[State, bool]:
-        """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
+        """Find the equilibrium under fixed inputs; the flag is true when it converged."""

@@ -33,7 +33,7 @@ class SolvedSample:
         inputs: Inputs that it is in equilibrium under.
         scales: The model's stiffness factors, shape (parameters,).
         motions: Displacement of what is left to equilibrium, then per unit of each pressure, load, component
-            of gravity and factor, in single precision; ``None`` where the model does not say.
+            of gravity and factor, in single precision; ``None`` where the model does not provide it.
     """
 
     state: Any
@@ -167,7 +167,7 @@ class NodeByNode(ModelWrapper):
         response.frames.rotations[index] = exp(move[:, 3:]) @ step.frames.rotations
         by_inputs, by_gravity, by_factors = jacobians
         response.input_jacobian[index] = np.column_stack([by_inputs, by_gravity])
-        # The chain rule turns a derivative by the factor into one by its logarithm.
+        # The chain rule converts a derivative by the factor into one by its logarithm.
         response.factor_jacobian[index] = by_factors * scales
         # In single precision: every sample keeps one field of nodes per input and factor.
         motions = getattr(step, "motions", None)

@@ -23,7 +23,7 @@ class Recording:
         name: What reports call it, the folder's or the file's name.
         time: Seconds from the start, strictly increasing, shape (samples,).
         columns: Column name to values, each of shape (samples,).
-        info: What is known of the run (``recording.toml``): ``specimen``, ``rate_hz`` and the other keys of
+        info: Metadata of the run (``recording.toml``): ``specimen``, ``rate_hz`` and the other keys of
             docs/recordings.md.
     """
 

@@ -20,11 +20,11 @@ class ArmResponse:
     """What an arm does at many samples, with the derivatives of its section twists.
 
     A twist is a translation [m], then a rotation vector [rad], in the base frame; those of all sections are
-    stacked. A derivative that a model does not give, or that nobody asked for, has no columns.
+    stacked. A derivative that a model does not provide, or that was not requested, has no columns.
 
     Args:
         frames: Frames of the sections, arrays with a leading axis (samples,).
-        converged: Where an equilibrium was found, shape (samples,).
+        converged: Where the solve converged to an equilibrium, shape (samples,).
         chambers: Number of chambers.
         input_jacobian: Section twists per unit of each pressure, each load and each component of gravity,
             shape (samples, 6 sections, chambers + loads + 3).
@@ -33,7 +33,7 @@ class ArmResponse:
         eigenstrain_jacobian: Section twists per unit of each region's eigenstrains, shape (samples,
             6 sections, 4 regions).
         strains: Generalised strains of the segments where they are known: rotation vector of the lower end
-            seen from the upper one [rad], then elongation [m]; shape (samples, segments, 4).
+            relative to the upper one [rad], then elongation [m]; shape (samples, segments, 4).
         states: The model's state at each sample, to begin other solves with, shape (samples, ...).
     """
 
@@ -63,7 +63,7 @@ class ArmResponse:
 
     def at(self, chosen: Flags | Indices) -> "ArmResponse":
         """Select samples by flags or numbers."""
-        # A derivative that nobody asked for has no samples to choose from.
+        # A derivative that was not requested has no samples to choose from.
         kept: dict[str, Any] = {n: array[chosen] for n, array in self._arrays.items() if len(array)}
         frames = Frames(self.frames.positions[chosen], self.frames.rotations[chosen])
         return replace(self, frames=frames, converged=self.converged[chosen], **kept)

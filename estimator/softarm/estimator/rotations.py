@@ -78,7 +78,7 @@ def rotation_vector_kernel(quaternions: Floats, vectors: Floats) -> None:
     for i in range(len(quaternions)):
         q = quaternions[i]
         sine = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
-        # arctan2 keeps its accuracy near half a turn, where the arc cosine of w loses it.
+        # arctan2 keeps its accuracy near a rotation by pi, where the arc cosine of w loses it.
         factor = 2.0 if sine < 1e-12 else 2.0 * np.arctan2(sine, q[0]) / sine
         for k in range(3):
             vectors[i, k] = factor * q[1 + k]
@@ -210,7 +210,7 @@ def skew(vectors: Floats) -> Floats:
 
 
 def without_jumps(quaternions: Floats) -> Floats:
-    """Return quaternions whose sign goes on from one sample to the next, so that they can be averaged.
+    """Return quaternions whose sign is continuous from one sample to the next, so that they can be averaged.
 
     Args:
         quaternions: (w, x, y, z) or its negative, which is the same rotation; NaN where unknown, shape

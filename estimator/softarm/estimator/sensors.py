@@ -23,12 +23,12 @@ from softarm.estimator.specimen import Specimen
 def mounted_base(specimen: Specimen) -> Registration:
     """Return the map from the frame of the body on the base, as it was calibrated, to the base frame.
 
-    For readings that are told relative to that body.
+    For readings that are reported relative to that body.
     """
     base = specimen.sections[0]
     entry = specimen.calibration.frame(base.name)
     rest = from_quaternions(np.array(base.frame_quaternion))
-    # The misalignment is given in the section's axes; `rest` takes it to those of the base.
+    # The misalignment is given in the section's axes; `rest` rotates it to those of the base.
     rotation = rest @ exp(np.array(entry.misalignment_rad)) @ rest.T
     origin = np.array(base.frame_origin_m)
     return Registration(rotation, origin + rest @ np.array(entry.offset_m) - rotation @ origin)
@@ -39,7 +39,7 @@ class SpecimenSensors:
     """Makes the measurements of a specimen.
 
     Args:
-        specimen: Description, with the alignment that calibration found.
+        specimen: Description, with its calibrated alignment.
         sections: Names of the sections in the order of the model that is measured.
         registration: Laboratory to base, for readings given in the laboratory frame.
     """

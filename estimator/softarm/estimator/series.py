@@ -6,7 +6,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats, Indices
 
-LONGEST_BRIDGE = 0.25  # s; over a longer gap nothing is known
+LONGEST_BRIDGE = 0.25  # s; over a longer gap nothing is interpolated
 
 
 def interpolate(wanted: Floats, time: Floats, values: Floats) -> Floats:

@@ -31,7 +31,7 @@ def weighted_median(values: Floats, weights: Floats) -> float:
 
 
 def correlation_length(values: Floats) -> float:
-    """Compute the number of consecutive samples that say the same thing: 1 + 2 sum of autocorrelations.
+    """Compute the number of consecutive samples that count as one: 1 + 2 sum of autocorrelations.
 
     The sum ends before the first autocorrelation that is not positive (C. J. Geyer, Statistical Science 7
     (1992) 473, initial positive sequence); lost samples (NaN) count as zero.
@@ -58,9 +58,9 @@ def unexplained_share(causes: Floats, effects: Floats, least: int) -> float:
         effects: NaN where absent, shape (samples, effects).
         least: Complete samples below which nothing counts as explained.
     """
-    seen = np.isfinite(causes).all(axis=1) & np.isfinite(effects).all(axis=1)
-    if seen.sum() < least:
+    complete = np.isfinite(causes).all(axis=1) & np.isfinite(effects).all(axis=1)
+    if complete.sum() < least:
         return 1.0
-    causes, effects = (part[seen] - part[seen].mean(axis=0) for part in (causes, effects))
+    causes, effects = (part[complete] - part[complete].mean(axis=0) for part in (causes, effects))
     residual = effects - causes @ np.linalg.lstsq(causes, effects, rcond=None)[0]
     return float((residual**2).sum()) / max(float((effects**2).sum()), 1e-12)

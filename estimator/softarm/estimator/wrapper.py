@@ -1,4 +1,4 @@
-"""What models that wrap another one hand on from it."""
+"""Members that models which wrap another one pass on from it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -16,7 +16,7 @@ class ModelWrapper:
 
     @property
     def sections(self) -> tuple[str, ...]:
-        """Names of the sections whose frames the wrapped model gives."""
+        """Names of the sections whose frames the wrapped model predicts."""
         return self.model.sections
 
     @property

@@ -1,7 +1,8 @@
 """The tracking estimator on a model that contains accepted physics.
 
-At each instant the effects shape the pressures and gravity, load the sections and turn the base as the last
-estimate lets them, and sensors' effects are undone in the readings; what remains is the estimator's problem.
+At each instant the effects change the pressures and gravity, load the sections and rotate the base as the
+last estimate determines, and the effects of sensors are removed from the readings. The estimator solves the
+remaining problem.
 """
 
 from collections.abc import Sequence
@@ -40,7 +41,7 @@ Step = TypeVar("Step", bound=Linearisation)
 UNSHAPING = 8
 """Passes of the search for the pressures behind those that act: enough where an effect halves them."""
 ALONG = 20
-"""Samples of a recording by which the mean turn of its base is found."""
+"""Samples of a recording from which the mean rotation of its base is computed."""
 
 
 class Follower(Protocol[State]):
@@ -110,7 +111,7 @@ def estimator_of(
 def registered_again(
     suite: SensorSuite, arm: RespondingArm, world: World, effects: Sequence[PlacedEffect], drive: Drive
 ) -> SensorSuite:
-    """Find the laboratory by the base at rest, where the base that was recorded had turned."""
+    """Register the laboratory by the base at rest, where the recorded base had rotated."""
     if not suite.base_recorded or all(placed.field != "base_rotation" for placed in effects):
         return suite
     rotations = simulate_with(effects, arm, world, drive).drive.base_rotation
@@ -171,16 +172,16 @@ class AugmentedEstimator(Generic[State, Step]):
         lost = ~np.isfinite(acting)
         drive = self._drive(time, np.where(lost, 0.0, acting), gravity)
         last = self._last or self._at_rest(drive)
-        # Effects feel the estimated pull, but only what they add to it is known to the estimator.
+        # Effects depend on the estimated pull, but the estimator receives only what they add to it.
         pulled = replace(drive, wrenches=self._pull)
         shaped, self._memories = advance_with(self._effects, self._world, pulled, last, self._memories)
         shaped = replace(shaped, wrenches=shaped.wrenches - self._pull)
         self._couples, self._base_rotation = shaped.couples, exp(shaped.base_rotation[0])
         inner = self._segments.wrenches(self._in_base_frame(last.frames), shaped.couples)
         self._estimator.follow(self._shaped((shaped.wrenches + inner).ravel(), self._base_rotation))
-        given = self._settings.actuation.to_measured(shaped.pressures[0])
+        measured = self._settings.actuation.to_measured(shaped.pressures[0])
         estimate = self._estimator.update(
-            time, self._undone(readings, shaped, last), np.where(lost, np.nan, given), shaped.gravity[0]
+            time, self._undone(readings, shaped, last), np.where(lost, np.nan, measured), shaped.gravity[0]
         )
         if np.isfinite(estimate.vector).all() and estimate.status != "diverged":
             self._last = self._response(estimate.frames)
@@ -198,7 +199,7 @@ class AugmentedEstimator(Generic[State, Step]):
         return self._estimator.model
 
     def unshaped(self, pressures: Floats) -> Floats:
-        """Return the pressures that the effects turn into given ones [Pa], shape (chambers,), in the end.
+        """Return the pressures that the effects in the end change into given ones [Pa], shape (chambers,).
 
         They are as measured, but for the sensors' gains; none is below zero.
         """
@@ -210,7 +211,7 @@ class AugmentedEstimator(Generic[State, Step]):
         return commanded
 
     def _bend(self, drive: Drive, estimate: ArmEstimate[State]) -> None:
-        """Take the stiffness of the segments in the pose of an estimate; the couples keep their strains."""
+        """Set the stiffness of the segments to that in an estimate's pose; the couples keep their strains."""
         if not any(placed.field == "eigenstrains" for placed in self._effects):
             return
         shaped = self._shaped(drive.wrenches.ravel(), self._base_rotation)
@@ -239,7 +240,7 @@ class AugmentedEstimator(Generic[State, Step]):
         return self._response(model.linearise(state, inputs).frames)
 
     def _in_base_frame(self, frames: Frames) -> Frames:
-        """Turn frames back into the base's own frame."""
+        """Transform frames into the rotated base's own frame."""
         base_rotation = self._base_rotation
         return Frames(frames.positions @ base_rotation, base_rotation.T @ frames.rotations)
 
@@ -249,7 +250,7 @@ class AugmentedEstimator(Generic[State, Step]):
         return ArmResponse(one, np.ones(1, dtype=bool), strains=strains)
 
     def _undone(self, readings: Floats, drive: Drive, last: ArmResponse) -> Floats:
-        """Take the effects of the sensors out of the readings, as far as the last estimate shows them."""
+        """Remove the effects of the sensors from the readings, as far as the last estimate shows them."""
         sensing = [k for k, placed in enumerate(self._effects) if not placed.field]
         if not sensing:
             return readings
@@ -269,7 +270,7 @@ class AugmentedEstimator(Generic[State, Step]):
 
 
 def undo(reading: Floats, plain: Floats, changed: Floats) -> Floats:
-    """Take out of a reading the change that an effect would make in the predicted one, shape (size,)."""
+    """Subtract from a reading the change that an effect would make in the predicted one, shape (size,)."""
     if not has_orientation(reading):
         return reading - (changed - plain)
     measured, before, after = (from_quaternions(one[-QUATERNION:]) for one in (reading, plain, changed))

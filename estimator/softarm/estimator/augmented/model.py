@@ -1,8 +1,8 @@
 """A model of the arm under known wrenches on its sections and on a base that yields.
 
-The wrapped model answers to the wrenches of its sections in its own, unturned base frame. With Q the turn of
-the base, B the wrenches per unit of the unknown loads a and w the known ones, it is given Q^T (B a + w) and
-gravity Q^T g, and its frames and twists are turned by Q.
+The wrapped model responds to the wrenches of its sections in its own, unrotated base frame. With Q the
+rotation of the base, B the wrenches per unit of the unknown loads a and w the known ones, its inputs are
+Q^T (B a + w) and gravity Q^T g, and its frames and twists are rotated by Q.
 """
 
 from dataclasses import dataclass
@@ -52,7 +52,7 @@ class Spread:
 
 @dataclass(frozen=True)
 class ShapedStep(Generic[State, Step]):
-    """The wrapped model's linearisation, seen from the unturned base."""
+    """The wrapped model's linearisation in the frame of the unrotated base."""
 
     model: "ShapedModel[State, Step]"
     step: Step
@@ -70,7 +70,7 @@ class ShapedStep(Generic[State, Step]):
 
     def response(self, rows: Floats) -> tuple[Floats, Floats]:
         """Project the motion of the sections on rows; see ``Linearisation.response``."""
-        # Rows look at translations and rotations in unturned axes; the wrapped model moves in turned ones.
+        # Rows multiply translations and rotations in unrotated axes; the wrapped model moves in rotated ones.
         inner = (rows.reshape(-1, 3) @ self.model.base_rotation).reshape(rows.shape)
         drift, columns = self.step.response(inner)
         chambers = self.model.chambers
@@ -81,7 +81,7 @@ class ShapedStep(Generic[State, Step]):
 
 @dataclass(frozen=True)
 class ShapedModel(ModelWrapper, Generic[State, Step]):
-    """A model under known wrenches and a turned base; implements ``ArmModel``.
+    """A model under known wrenches and a rotated base; implements ``ArmModel``.
 
     Args:
         model: Model whose loads are the wrenches of its sections.
@@ -135,5 +135,5 @@ class ShapedModel(ModelWrapper, Generic[State, Step]):
         return self.model.advance(step.step, inner)
 
     def solve(self, inputs: Inputs, start: State) -> tuple[State, bool]:
-        """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
+        """Find the equilibrium under fixed inputs; the flag is true when it converged."""
         return self.model.solve(self.inner_inputs(inputs), start)

@@ -1,4 +1,4 @@
-"""What a calibration must show to replace the old one, and what a user should know of one that does."""
+"""What a calibration must show to replace the old one, and cautions on one that does."""
 
 from collections.abc import Mapping, Sequence
 
@@ -24,7 +24,7 @@ LEAST_SOLVED = 0.5
 UNSETTLED = 1.0
 """Standard deviations by which an unknown may still move at the end."""
 WORSE = 1.3
-"""Times the old error up to which held-out samples may be predicted, where the old fit has seen them."""
+"""Times the old error up to which held-out samples may be predicted, where the old fit used them."""
 
 
 class CalibrationRefusedError(InputError):
@@ -135,10 +135,10 @@ def _from_rest(setting: Setting, first: Frames, nodes: Nodes) -> Floats:
     return setting.aligned(nodes.run.suite).sensitivity(still, nodes.readings).innovation
 
 
-def cautions(found: Calibrated) -> tuple[str, ...]:
-    """Return what a user should know of a calibration that was not refused, one sentence each."""
-    check, words = found.check, []
-    if found.status != "converged":
+def cautions(calibrated: Calibrated) -> tuple[str, ...]:
+    """Return the cautions on a calibration that was not refused, one sentence each."""
+    check, words = calibrated.check, []
+    if calibrated.status != "converged":
         words.append(
             "The fit used all its iterations: unknowns may still move by up to their standard deviation."
         )
@@ -149,7 +149,7 @@ def cautions(found: Calibrated) -> tuple[str, ...]:
             "or several recordings.",
         )
     over_training = _ratio(check.held_out, check.training)
-    freedom = found.nodes / 2.0 / NODES_PER_FREEDOM
+    freedom = calibrated.nodes / 2.0 / NODES_PER_FREEDOM
     limit = scatter_limit(freedom, freedom)
     if over_training > limit:
         words.append(

@@ -40,7 +40,7 @@ class CalibrationRun:
         ignored_markers: Markers of the recording that the specimen does not name, such as one on a gauge's
             hook.
         gravity: Gravitational acceleration in the base frame [m/s2], shape (3,): the recording's own where it
-            says how the arm was mounted.
+            states how the arm was mounted.
     """
 
     name: str
@@ -97,7 +97,7 @@ def arrange(
         recording: What was recorded.
         specimen: The arm.
         sections: Sections of the model; those of the specimen when left out.
-        loads: Forces, as of ``section_forces``, by which gauges count as known; none when left out.
+        loads: Forces, as of ``section_forces``, that describe the gauges' pulls; none when left out.
 
     Raises:
         InputError: The recording has a section or chamber that the specimen lacks, no motion, pressures above
@@ -124,7 +124,7 @@ def arrange(
             "record motion that is seen and no event",
         )
     pulls = known_pulls(recording, specimen, registration, loads)
-    # A gauge reads at its own times; between two readings its force is taken to change evenly.
+    # A gauge reads at its own times; between two readings its force is assumed to change evenly.
     bridged = [interpolate(recording.time, recording.time, column) for column in pulls.T]
     run = CalibrationRun(
         recording.name,
@@ -149,13 +149,13 @@ def gravity_of(recording: Recording, specimen: Specimen) -> Floats:
     Raises:
         InputError: The recording's is not three finite numbers.
     """
-    given = recording.info.get("gravity_m_s2", specimen.gravity_m_s2)
+    stated = recording.info.get("gravity_m_s2", specimen.gravity_m_s2)
     try:
-        gravity = np.array(given, dtype=np.float64)
+        gravity = np.array(stated, dtype=np.float64)
     except (TypeError, ValueError):
         gravity = np.empty(0)
     if gravity.shape != (3,) or not np.isfinite(gravity).all():
-        raise InputError(f"{recording.name}, gravity_m_s2", f"is {given}", "give x, y and z in m/s2")
+        raise InputError(f"{recording.name}, gravity_m_s2", f"is {stated}", "give x, y and z in m/s2")
     return gravity
 
 

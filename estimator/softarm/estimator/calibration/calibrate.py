@@ -43,7 +43,7 @@ from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import Bend, SensorSuite
 from softarm.estimator.specimen import Specimen
 
-# The time of a fit is proportional to them, and neighbouring nodes soon say nearly the same.
+# The time of a fit is proportional to them, and close neighbouring nodes hold nearly the same information.
 NODES = 240
 PULLED_WEIGHT = 1.5
 
@@ -71,10 +71,10 @@ def calibrate(
 ) -> Calibrated:
     """Fit moduli, chamber gains and biases, and the alignment of sensors to recordings.
 
-    The present calibration of the specimen is what is known beforehand.
+    The present calibration of the specimen is the prior.
 
     Args:
-        model: Model of the specimen; its loads are those by which gauges count as known.
+        model: Model of the specimen; its loads describe the gauges' pulls.
         specimen: The arm.
         runs: Recordings, each as of ``arrange``.
         options: What to fit and to how many samples.
@@ -102,14 +102,14 @@ def calibrate(
         nodes = tuple(replace(run_nodes, run=_with_axes(run_nodes.run, gains)) for run_nodes in nodes)
         # Once more, since the layout begins from the alignment of the sensors.
         forward = _forward(model, specimen, nodes)
-    # Kept, since `forward` will hold the moduli near those of the pulls: verdicts compare with what was known
+    # Kept, since `forward` will hold the moduli near those of the pulls: verdicts compare with the prior
     # before any data.
-    known_before = forward.layout
-    sized = sized_by_bends(specimen, known_before, first, gains)
+    prior = forward.layout
+    sized = sized_by_bends(specimen, prior, first, gains)
     pulled = moduli_from_pulls(forward, sized, before, train)
-    start = with_bends_kept(specimen, known_before, sized, pulled.values)
-    forward = replace(forward, layout=pulled.near(known_before))
-    trained, layout = _fit_determined(forward, known_before, start, before, train, options)
+    start = with_bends_kept(specimen, prior, sized, pulled.values)
+    forward = replace(forward, layout=pulled.near(prior))
+    trained, layout = _fit_determined(forward, prior, start, before, train, options)
     require_excitation(layout)
     nearest = nearest_states(
         trained.evaluations, _parts(nodes, train), _subset(before, unseen), _parts(nodes, unseen)
@@ -119,21 +119,21 @@ def calibrate(
     # compare with.
     old = before if np.array_equal(first, prior_means) else ()
     check = _check(old, trained.evaluations, held_out, nodes, train)
-    seen = bool(set(specimen.calibration.recordings) & {run.name for run in runs})
-    require_improvement(check, WORSE if seen else 1.0)
+    used_before = bool(set(specimen.calibration.recordings) & {run.name for run in runs})
+    require_improvement(check, WORSE if used_before else 1.0)
     require_motion_predicted(
         layout.setting(trained.values), *_judged(held_out, trained.evaluations, nodes, train)
     )
     near = joined(before, trained.evaluations, held_out, train)
     every = tuple(np.ones(len(run_nodes.time), dtype=bool) for run_nodes in nodes)
     # Checked as it is, the model is fitted to everything, the held-out blocks included.
-    pulled = moduli_from_pulls(replace(forward, layout=known_before), pulled.values, near, every)
-    layout = pulled.near(known_before).without(set(known_before.names) - set(layout.names))
+    pulled = moduli_from_pulls(replace(forward, layout=prior), pulled.values, near, every)
+    layout = pulled.near(prior).without(set(prior.names) - set(layout.names))
     everything = replace(forward, layout=layout)
     start = with_bends_kept(specimen, layout, trained.values, pulled.moved(layout, trained.values))
     final = fit(everything, start, iterations=options.iterations, evaluations=near)
     require_convergence(final, layout)
-    # Held near the pulls' values, the moduli would look better known than the pulls make them.
+    # Held near the pulls' values, the moduli would look more certain than the pulls make them.
     covariance = pulled.widened(layout, final.covariance)
     scatter = scatter_by_condition(*_judged(held_out, trained.evaluations, nodes, train))
     dropped = [p for p in forward.layout.unknowns if p.name not in layout.names]
@@ -144,7 +144,7 @@ def calibrate(
     errors = {**accuracy.errors, **vented_pulls.errors}
     return Calibrated(
         identified=(
-            *map(fitted, identify(_known_of(known_before, layout), final.values, covariance)),
+            *map(fitted, identify(_prior_of(prior, layout), final.values, covariance)),
             *map(kept, dropped),
         ),
         covariance=covariance,
@@ -228,7 +228,7 @@ def _axes_wanted(specimen: Specimen, options: Options) -> bool:
 
 
 def _with_axes(run: CalibrationRun, axes: Mapping[str, AxesFit]) -> CalibrationRun:
-    """Return a run whose bends have the axes that were found."""
+    """Return a run whose bends have the fitted axes."""
     measurements = tuple(
         replace(m, in_plane=axes[m.name].in_plane, mirrored=axes[m.name].mirrored)
         if isinstance(m, Bend) and m.name in axes
@@ -238,14 +238,14 @@ def _with_axes(run: CalibrationRun, axes: Mapping[str, AxesFit]) -> CalibrationR
     return replace(run, suite=SensorSuite(measurements))
 
 
-def _known_of(known: Layout, layout: Layout) -> Layout:
-    """Return what was known before any data, of the unknowns of a layout."""
-    return known.without(set(known.names) - set(layout.names))
+def _prior_of(prior: Layout, layout: Layout) -> Layout:
+    """Return the prior before any data, of the unknowns of a layout."""
+    return prior.without(set(prior.names) - set(layout.names))
 
 
 def _fit_determined(
     forward: Forward,
-    known: Layout,
+    prior: Layout,
     start: Floats,
     before: Sequence[NodePredictions],
     train: Sequence[Flags],
@@ -254,7 +254,7 @@ def _fit_determined(
     """Fit on the training nodes, settle what they do not determine, and fit the rest again."""
     part = _part(forward, train)
     solution = fit(part, start, iterations=options.iterations, evaluations=_subset(before, train))
-    verdicts = identify(known, solution.values, solution.covariance)
+    verdicts = identify(prior, solution.values, solution.covariance)
     lost = {entry.unknown.name for entry in verdicts if entry.share > KEPT}
     layout = part.layout.without(lost)
     if not lost or not layout.unknowns:
@@ -289,7 +289,7 @@ def _check(
 def _line(
     nodes: Sequence[Nodes], train: Sequence[Flags], judged: Sequence[Flags]
 ) -> tuple[dict[str, float], int]:
-    """Judge an ordinary linear regression; only bends are angles that it may be asked for."""
+    """Judge an ordinary linear regression; it applies only where all sensors are bends."""
     suite = nodes[0].run.suite
     if not all(isinstance(m, Bend) for m in suite.measurements):
         return {}, 0
@@ -302,10 +302,10 @@ def _line(
         [run_nodes.readings - line.predict(run_nodes.pressures) for run_nodes in tested]
     )
     names = [f"{m.name}.{axis}" for m in suite.measurements for axis in range(m.size)]
-    seen = [column[np.isfinite(column)] for column in residual.T]
+    finite = [column[np.isfinite(column)] for column in residual.T]
     errors = {
         name: float(np.sqrt(np.mean(column**2)))
-        for name, column in zip(names, seen, strict=True)
+        for name, column in zip(names, finite, strict=True)
         if len(column)
     }
     return errors, line.parameters

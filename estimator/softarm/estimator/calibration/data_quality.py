@@ -1,4 +1,4 @@
-"""What a recording lacks that a calibration could have used, with what to do about it."""
+"""Data that a calibration could have used but a recording lacks, and how to record them."""
 
 import numpy as np
 

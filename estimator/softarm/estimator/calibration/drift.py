@@ -1,4 +1,4 @@
-"""Has a calibration gone stale: do new recordings scatter about its predictions more than it said?"""
+"""Check a calibration for drift: do new recordings scatter more about its predictions than it states?"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -29,7 +29,7 @@ class Drift:
     Args:
         quantity: Such as ``frame_tip rotation``.
         scatter: Root mean square of measured minus predicted now [m or rad].
-        calibrated: What it was on blocks that the calibration had not seen.
+        calibrated: That on held-out blocks of the calibration.
         stale: Whether it has grown significantly, and by more than ``LEAST_RATIO``.
     """
 
@@ -56,7 +56,7 @@ def check_drift(
         nodes: Largest number of samples over all runs.
 
     Raises:
-        InputError: The specimen does not say how its calibration scattered, or no sensor is shared.
+        InputError: The specimen does not state how its calibration scattered, or no sensor is shared.
     """
     expected = specimen.calibration.scatter
     if not expected:

@@ -1,9 +1,9 @@
-"""Robust Gauss-Newton over the unknowns of a calibration, with what is known beforehand among the data.
+"""Robust Gauss-Newton over the unknowns of a calibration, with their prior among the data.
 
-Minimised is sum_i w_i rho(r_i / s_c(i)) / tau + sum (known - value)^2 / spread^2, with rho the Huber loss,
+It minimises sum_i w_i rho(r_i / s_c(i)) / tau + sum (mean - value)^2 / spread^2, with rho the Huber loss,
 w_i the nodes' weights, s_c the scatter of the residuals of a kind of sensor (estimated along the way: a model
-is never exact, so the sensors' own noise would make it overconfident) and tau the number of nodes that say
-the same thing, from the residuals' correlation in time.
+is never exact, so the sensors' own noise would make it overconfident), mean and spread those of the prior,
+and tau the number of nodes that count as one, from the residuals' correlation in time.
 """
 
 from collections.abc import Mapping, Sequence
@@ -30,17 +30,17 @@ PULLED = ", pulled"
 HELD = ", held"
 """Under pressure and drawn by a gauge at once."""
 HELD_WORTH = 9.0
-"""Weight of a known force under pressure: where a model that is not exact must err, not in the forces."""
+"""Weight of a known force under pressure: an inexact model shall err elsewhere, not in the forces."""
 PULL_TRUST = 1.0 / 3.0
-"""A known force tells the stiffness itself, pressures only through gravity and the area that they push on.
+"""A known force determines the stiffness itself, pressures only by gravity and the area that they push on.
 
-Where a model that is not exact must err, it shall err in the pressures, whose gains can make up for it.
+An inexact model shall err in the pressures, whose gains can make up for it.
 """
 LEAST_GAIN = 0.1
 """Decrease of twice the log likelihood in one step at which a fit ends.
 
 A step of a third of a deviation gains as much. Along directions that the data hardly determine, Gauss-Newton
-goes on for long with steps that gain less, each of which costs a solve of every node.
+continues for long with steps that gain less, each of which costs a solve of every node.
 """
 SETTLING = 4  # evaluations after which scatter and correlation stay, so that one function is minimised
 # Shares of the curvature's diagonal (Marquardt 1963): the first one, and that at which no step gains any
@@ -78,11 +78,11 @@ class ResidualRows:
 
 @dataclass(frozen=True)
 class Scatter:
-    """How far residuals scatter, and how many of them say the same thing.
+    """How far residuals scatter, and how many of them count as one.
 
     Args:
         sizes: Scatter of each kind of row, or of each unit.
-        correlated: Number of nodes that say the same thing.
+        correlated: Number of nodes that count as one.
     """
 
     sizes: Mapping[str, float]
@@ -251,7 +251,7 @@ def collect(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> R
 
 
 def mean_correlation_length(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> float:
-    """Compute the number of consecutive nodes that say the same thing, averaged over the sensors' rows."""
+    """Compute the number of consecutive nodes that count as one, averaged over the sensors' rows."""
     lengths: list[float] = []
     for evaluation, run_nodes in zip(evaluations, nodes, strict=True):
         root = np.sqrt(run_nodes.weights)[:, None] * np.nan_to_num(evaluation.innovation)
@@ -295,12 +295,12 @@ def _normal_equations(
 ) -> tuple[Floats, Floats, float]:
     scale, whitened, weight = _whitened(rows, scatter)
     jacobian = rows.jacobian / scale[:, None]
-    known, known_rows = forward.layout.prior_rows(values)
+    prior, prior_rows = forward.layout.prior_rows(values)
     weighted = jacobian.T * weight
-    normal = weighted @ jacobian + known_rows.T @ known_rows
-    gradient = weighted @ whitened + known_rows.T @ known
+    normal = weighted @ jacobian + prior_rows.T @ prior_rows
+    gradient = weighted @ whitened + prior_rows.T @ prior
     cost = float((_node_weight(rows) * huber_loss(whitened)).sum()) / scatter.correlated
-    return normal, gradient, cost + float(known @ known)
+    return normal, gradient, cost + float(prior @ prior)
 
 
 def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, Floats]:
@@ -313,7 +313,7 @@ def _step(normal: Floats, gradient: Floats, damping: float) -> tuple[Floats, Flo
 
 
 def _covariance(forward: Forward, rows: ResidualRows, scatter: Scatter, normal: Floats) -> Floats:
-    """Return the covariance: that of the curvature, widened to what blocks of ten seconds disagree by.
+    """Return the covariance: that of the curvature, widened by the disagreement of blocks of ten seconds.
 
     The second is the cluster-robust estimate H^-1 (sum_b g_b g_b^T) H^-1 with g_b a block's gradient
     (Liang and Zeger 1986); the curvature's correlations are kept and each deviation is the larger of the two.
@@ -329,7 +329,7 @@ def _covariance(forward: Forward, rows: ResidualRows, scatter: Scatter, normal: 
     # The last factor corrects for the small number of blocks.
     spread = curvature @ (gradients.T @ gradients) @ curvature * len(blocks) / (len(blocks) - 1)
     prior = np.diag(forward.layout.prior_covariance())
-    # No wider than the prior: data cannot make an unknown less known.
+    # No wider than the prior: data cannot make an unknown less certain.
     widest = np.minimum(
         np.maximum(np.diag(spread), np.diag(curvature)), np.maximum(prior, np.diag(curvature))
     )

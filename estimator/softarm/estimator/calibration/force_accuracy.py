@@ -1,17 +1,17 @@
-"""How far estimated forces err at the nodes of known pulls that no fit has seen.
+"""How far estimated forces err at the nodes of known pulls that were held out of the fit.
 
 A pull f on a section and the pressures p move the readings by J_f f + J_p p. About the prediction under the
-known pull, what is measured minus predicted, r, is taken for a force: the error of the estimate is e = A^-1 b
-with b = J_f' C^-1 r, A = J_f' C^-1 J_f and C the noise of the sensors with the model's scatter and, through
-J_p, of the pressures.
+known pull, an estimator explains the residual r, measured minus predicted, by a force: the error of the
+estimate is e = A^-1 b with b = J_f' C^-1 r, A = J_f' C^-1 J_f and C the noise of the sensors with the model's
+scatter and, through J_p, of the pressures.
 
 Part of it grows with the pull. Rubber remembers, and its stiffness depends on the direction, so that the
 stiffness that fits all other pulls is wrong by another share in each: e = S f + rest, with S a share along
 the pull and one across it, by least squares over the nodes of one pull. The rest has the covariance A^-1
-where r is as C says: then e' A e is 1 a component on average. What rubber remembers is in all nodes of a
-pull, so that pulls, not nodes, are the samples that show either, and few of them show it by Student's t.
+where r has the covariance C: then e' A e is 1 a component on average. What rubber remembers is in all nodes
+of a pull, so that pulls, not nodes, are the independent samples; their small number enters by Student's t.
 
-Where nobody pulled, the rest of r at pulls on other sections is taken for a force.
+On sections that nobody pulled, the rest of r at pulls on other sections stands for a force.
 """
 
 from collections.abc import Mapping, Sequence
@@ -110,14 +110,14 @@ def force_accuracy(
     nodes: Sequence[Nodes],
     scatter: Mapping[str, float],
 ) -> ForceAccuracy:
-    """Compute how far forces err that are estimated at known pulls.
+    """Compute the errors of forces that are estimated at known pulls.
 
     Nodes count by their weight: a cord that moves does not pull as in an equilibrium.
 
     Args:
         setting: The calibration.
         evaluations: What it predicts, per run.
-        nodes: The nodes that it predicts, best such as it has not seen; each pull is a block.
+        nodes: The nodes that it predicts, best held-out ones; each pull is a block.
         scatter: About its predictions, by sensor, quantity and condition [m or rad].
     """
     error = ModelError.of(scatter)

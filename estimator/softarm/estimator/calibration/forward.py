@@ -34,7 +34,7 @@ class NodePredictions:
 
     @property
     def converged(self) -> Flags:
-        """Where the model found its equilibrium, shape (nodes,)."""
+        """Where the model converged to an equilibrium, shape (nodes,)."""
         return self.response.converged
 
     @property

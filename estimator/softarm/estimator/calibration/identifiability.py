@@ -18,11 +18,11 @@ KEPT = 0.9
 
 @dataclass(frozen=True)
 class Identified:
-    """What is known of one unknown after the fit.
+    """The estimate of one unknown after the fit.
 
     Args:
         std: Its standard deviation.
-        share: That over what was known beforehand.
+        share: That over the deviation of its prior.
         verdict: Whether the data determine it.
         manoeuvre: What to record to determine it better; empty where it is determined.
     """
@@ -67,5 +67,5 @@ def fitted(entry: Identified) -> Identified:
 
 
 def kept(unknown: Unknown) -> Identified:
-    """Report an unknown that was settled at what was known beforehand."""
+    """Report an unknown that was settled at its prior."""
     return Identified(unknown, unknown.mean, unknown.spread, 1.0, "kept", unknown.manoeuvre)

@@ -1,4 +1,4 @@
-"""The unknowns of a calibration for what was recorded, and their prior."""
+"""The unknowns of a calibration for given recordings, and their prior."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass, replace
@@ -33,14 +33,14 @@ MODULUS_SPREAD = np.log(2.0)  # fitted shear moduli of such arms range from 35 t
 DRAWN_SPREAD = np.log(5.0)  # of a drawing that nobody ever calibrated
 GAIN_SPREAD = 0.15
 MEAN_GAIN_SPREAD = 0.02  # a set of pressure sensors is right on average; divides gains from moduli
-AREA_SPREAD = 0.3  # of the area that the pressures push on, where known pulls tell the moduli
-CURVE_SPREAD = 5e-6  # 1/Pa; a winding may give way by a quarter over the working range
+AREA_SPREAD = 0.3  # of the area that the pressures push on, where known pulls determine the moduli
+CURVE_SPREAD = 5e-6  # 1/Pa; a winding may yield by a quarter over the working range
 QUADRATIC_GAIN_SPREAD = 1e-10  # 1/Pa2; and its growth may change by as much again
 CROSSTALK_SPREAD = 0.02  # chambers lie within a degree or two of their drawing
 STRETCH_SPREAD = 1.0  # a chamber's area shrinks about as much as its length grows, or the winding keeps it
 BIAS_SPREAD = 1.0e3  # Pa
 NOMINAL_BIAS_SPREAD = 3.0e3  # Pa, where nobody measured the pressure
-TURN_SPREAD = 0.03  # rad; the body on the base is mounted to two degrees
+ROTATION_SPREAD = 0.03  # rad; the body on the base is mounted to two degrees
 SHIFT_SPREAD = 1e-3  # m
 GRAVITY_SPREAD = 0.01  # rad; a mount is levelled to half a degree
 CORD_SPREAD = 0.1  # rad
@@ -61,7 +61,7 @@ ALIGNMENT_SPREAD = {
     "offset_y": 0.02,
     "offset_z": 0.02,
 }
-"""Standard deviation of what is known beforehand of each alignment parameter [rad or m]."""
+"""Prior standard deviation of each alignment parameter [rad or m]."""
 
 BEND_ALIGNMENT = ("in_plane", "bias_x", "bias_y")
 POSE_ALIGNMENT = MeasuredPose.parameter_names
@@ -69,12 +69,12 @@ POSE_ALIGNMENT = MeasuredPose.parameter_names
 
 @dataclass(frozen=True)
 class Layout:
-    """The unknowns in order, and the linear combinations that are known beforehand.
+    """The unknowns in order, and the linear combinations that have a prior.
 
     Args:
         settled: What holds of all that is not among them.
-        combinations: Rows over all unknowns whose sums are known, shape (combinations, unknowns).
-        combination_means: Known values, shape (combinations,).
+        combinations: Rows over all unknowns whose sums have a prior, shape (combinations, unknowns).
+        combination_means: Their prior means, shape (combinations,).
         combination_spreads: Standard deviations, shape (combinations,).
     """
 
@@ -91,7 +91,7 @@ class Layout:
 
     @property
     def means(self) -> Floats:
-        """What is known beforehand, shape (unknowns,)."""
+        """Prior means, shape (unknowns,)."""
         return np.array([unknown.mean for unknown in self.unknowns])
 
     @property
@@ -118,7 +118,7 @@ class Layout:
         return np.array([isinstance(unknown, kind) for unknown in self.unknowns], dtype=bool)
 
     def without(self, names: Collection[str]) -> "Layout":
-        """Settle some unknowns at what is known of them beforehand."""
+        """Settle some unknowns at their prior means."""
         out = np.array([name in names for name in self.names], dtype=bool)
         return Layout(
             tuple(p for p, settled in zip(self.unknowns, out, strict=True) if not settled),
@@ -141,7 +141,7 @@ class Layout:
         """Return the prior as whitened residuals and their derivative.
 
         Returns:
-            (known - value) / spread, shape (rows,), and the derivative of value / spread, (rows, unknowns).
+            (mean - value) / spread, shape (rows,), and the derivative of value / spread, (rows, unknowns).
         """
         innovation = (self.means - values) / self.spreads
         sums = (self.combination_means - self.combinations @ values) / self.combination_spreads
@@ -166,7 +166,7 @@ def build_layout(
     compliant: Sequence[str] = (),
     drawn: bool = False,
 ) -> Layout:
-    """Choose the unknowns for what was recorded.
+    """Choose the unknowns that the recordings call for.
 
     Args:
         specimen: The robot, its present calibration being the prior.
@@ -271,7 +271,7 @@ def _finer(specimen: Specimen, moved: Sequence[int]) -> list[Unknown]:
 
 
 def _registered_by_body(sensor: Measurement) -> bool:
-    """Return whether a sensor rests on the pose of one body; markers on the base tell their own error."""
+    """Return whether a sensor rests on the pose of one body; a fit to markers has an error of its own."""
     return sensor.registration is not None and not sensor.registration.covariance.any()
 
 
@@ -281,7 +281,7 @@ def _surroundings(suite: SensorSuite, pulled: bool) -> list[Unknown]:
     if any(_registered_by_body(sensor) for sensor in suite.measurements):
         names = ("shift_x", "shift_y", "shift_z", "turn_x", "turn_y", "turn_z")
         for number, name in enumerate(names):
-            unit, spread = ("m", SHIFT_SPREAD) if number < 3 else ("rad", TURN_SPREAD)
+            unit, spread = ("m", SHIFT_SPREAD) if number < 3 else ("rad", ROTATION_SPREAD)
             unknowns.append(BaseMount(f"base.{name}", unit, 0.0, spread, number))
     for number, name in enumerate(("tilt_x", "tilt_y")):
         unknowns.append(GravityTilt(f"gravity.{name}", "rad", 0.0, GRAVITY_SPREAD, number))
@@ -312,7 +312,7 @@ def _alignment(suite: SensorSuite) -> list[Unknown]:
 def _with_mean_gains(
     specimen: Specimen, unknowns: tuple[Unknown, ...], spread: float, stretch: StretchLaw | None
 ) -> Layout:
-    """Add that the mean gain of each segment's chambers is known: it divides gains from the modulus."""
+    """Add a prior on the mean gain of each segment's chambers: it divides gains from the modulus."""
     rows, means = [], []
     for segment in specimen.segments:
         members = {(chamber.index,) for chamber in specimen.chambers if chamber.segment == segment.name}

@@ -1,7 +1,7 @@
-"""The loads that the residuals at the nodes of a run are taken for.
+"""The loads by which an estimate explains the residuals at the nodes of a run.
 
 With r the residual, J its derivative by the loads and C the noise of the sensors with the model's scatter
-and, through the derivative by them, of the pressures, an estimate takes r for the loads (J' C^-1 J)^-1 J'
+and, through the derivative by them, of the pressures, an estimate explains r by the loads (J' C^-1 J)^-1 J'
 C^-1 r.
 """
 

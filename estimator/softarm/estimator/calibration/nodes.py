@@ -14,7 +14,7 @@ BLOCK = 10.0  # s
 WINDOW = 0.1  # s over which a node's readings are averaged
 PULLED_WINDOW = 0.4  # s; a gauge reads seldom and in coarse steps
 REST_MARGIN = 0.3  # s of rest on either side of a node while a gauge pulls
-SIGNAL = 20.0  # times its noise that a column must spread to tell of motion
+SIGNAL = 20.0  # times its noise that a column must spread to show motion
 ROUNDING = 1e-9  # of a column's size, which the spread of a constant one may come out at
 NORMAL_MEAN = 1.2533  # standard deviation over mean size of a normal distribution
 QUIET_SPEED = 0.5  # 1/s; motion of half its own spread per second halves a node's weight
@@ -156,7 +156,7 @@ def _noise(columns: Floats) -> Floats:
 
 
 def _smoothed(time: Floats, values: Floats) -> Floats:
-    """Average over ``WINDOW`` seconds, so that noise is not taken for motion."""
+    """Average over ``WINDOW`` seconds, so that noise does not count as motion."""
     width = max(1, round(WINDOW / float(np.median(np.diff(time)))))
     if width < 2 or len(time) < 3 * width:
         return values

@@ -1,4 +1,4 @@
-"""What a calibration found, and the specimen that contains it."""
+"""The result of a calibration, and the specimen that contains it."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -24,8 +24,8 @@ class Check:
     Args:
         before: With the old calibration, on the nodes of ``held_out``, or of all where none are held out;
             empty where the model so calibrated has no equilibrium at the recorded pressures.
-        training: On the nodes that the fit has seen.
-        held_out: On those that it has not; empty where there are none.
+        training: On the nodes of the fit.
+        held_out: On those held out of it; empty where there are none.
         line: Of the ordinary linear regression of the readings on the pressures, fitted on the training
             nodes, on those of ``held_out``; empty where it does not apply.
         line_parameters: Numbers that the regression fits.
@@ -46,13 +46,13 @@ class Calibrated:
         identified: Every unknown with its value, deviation and verdict.
         covariance: Covariance of those that were fitted, in their order, shape (fitted, fitted).
         mirrored: Handedness of each bend by section.
-        check: How well nodes are predicted that the fit has not seen.
-        lags: Seconds by which the motion lags the pressures in each run, ``None`` where it cannot be told.
+        check: How well held-out nodes are predicted.
+        lags: Seconds by which the motion lags the pressures in each run, ``None`` where undetermined.
         status: How the last fit ended.
         nodes: Number of nodes.
         recordings: Names of the runs.
-        scatter: Root mean square of measured minus predicted, by sensor and quantity [m or rad], where no fit
-            had seen it.
+        scatter: Root mean square of measured minus predicted, by sensor and quantity [m or rad], on held-out
+            nodes.
         force_ratio: Error over deviation of the forces that follow from the readings at known pulls, each
             pull by the fit to all others, beside what grows with the pull; by condition and section.
         force_error: Relative error of forces, likewise.
@@ -93,7 +93,7 @@ def calibrated_specimen(specimen: Specimen, calibrated: Calibrated, provenance: 
 
     Args:
         specimen: The specimen that was calibrated.
-        calibrated: What was found.
+        calibrated: The calibration.
         provenance: When and how.
     """
     old = specimen.calibration
@@ -159,7 +159,7 @@ def _chamber(specimen: Specimen, index: int, calibrated: Calibrated) -> ChamberC
 
 
 def _gravity(specimen: Specimen, calibrated: Calibrated) -> tuple[float, float, float]:
-    """Tilt gravity as it was found; what turns it about itself cannot be seen."""
+    """Tilt gravity as calibrated; a rotation about its own direction is unobservable."""
     gravity = np.array(specimen.gravity_m_s2)
     tilts = [calibrated.value(f"gravity.tilt_{axis}") for axis in "xy"]
     vector = np.array([0.0 if tilt is None else tilt.value for tilt in tilts])
@@ -205,7 +205,7 @@ def _frames(specimen: Specimen, calibrated: Calibrated) -> tuple[FrameCalibratio
 
 
 def _mounted(specimen: Specimen, calibrated: Calibrated) -> FrameCalibration | None:
-    """Return how the body on the base is mounted; it adds to what the registration already knew."""
+    """Return how the body on the base is mounted; it adds to the earlier registration."""
     rotation = [calibrated.value(f"base.turn_{axis}") for axis in "xyz"]
     moved = [calibrated.value(f"base.shift_{axis}") for axis in "xyz"]
     if all(value is None for value in (*rotation, *moved)):

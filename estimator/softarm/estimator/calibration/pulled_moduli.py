@@ -2,7 +2,7 @@
 
 A known force on the vented arm shows the stiffness itself, pressures only their effect against it. In
 one fit of everything, what a model that is not exact cannot explain of the pressures would move the moduli;
-so the moduli are found first, and held near while the gains are.
+so the moduli are fitted first, and held near their values while the gains are fitted.
 """
 
 from collections.abc import Mapping, Sequence
@@ -69,7 +69,7 @@ class PulledModuli:
         return {} if self.fitted is None else unpulled_errors(*self.fitted, errors, scatter)
 
     def widened(self, layout: Layout, covariance: Floats) -> Floats:
-        """Return a covariance in which the moduli are no better known than from the pulls."""
+        """Return a covariance in which the moduli are no more certain than from the pulls."""
         stds = np.sqrt(np.diag(covariance))
         least = np.array([self.spreads.get(name, 0.0) for name in layout.names])
         ratio = np.maximum(stds, least) / stds
@@ -109,7 +109,7 @@ def moduli_from_pulls(
 def by_pull(nodes: Nodes) -> Nodes:
     """Make one block of each pull, from slack to slack, so that it is left out as a whole.
 
-    What the arm remembers of a pull is in all its nodes: those beside a node know its error beforehand.
+    What the arm remembers of a pull is in all its nodes: a fit to the others would predict a node's error.
     """
     if not nodes.run.pulled:
         return nodes

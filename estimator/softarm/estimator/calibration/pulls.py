@@ -1,7 +1,7 @@
 """Known forces on the arm: what a gauge pulls on a section, along its cord.
 
-A recording tells the section by ``gauge_section`` in its ``recording.toml`` or by the gauge's own name, and
-the direction by a marker on the gauge's hook; a recording without such a marker names the direction itself,
+A recording states the section by ``gauge_section`` in its ``recording.toml`` or by the gauge's own name, and
+the direction by a marker on the gauge's hook; a recording without such a marker states the direction itself,
 by ``gauge_direction`` in the base frame.
 """
 
@@ -41,7 +41,7 @@ def known_pulls(
 ) -> Floats:
     """Return the known forces on the sections [N], shape (samples, loads), ordered as by ``section_forces``.
 
-    They are zero where no gauge pulls and NaN where it is not known where to. Without loads, gauges are left
+    They are zero where no gauge pulls and NaN where its direction is unknown. Without loads, gauges are left
     out.
 
     Raises:
@@ -87,7 +87,7 @@ def gauged_section(recording: Recording, gauge: str, sections: Sequence[str]) ->
     """Return which section a gauge pulls on.
 
     Raises:
-        InputError: The recording does not say, or names a section that the arm does not have.
+        InputError: The recording does not state it, or names a section that the arm does not have.
     """
     named = recording.info.get("gauge_section", gauge)
     if named in sections:
@@ -107,7 +107,7 @@ def cord_direction(
 ) -> Floats | None:
     """Return the unit vector from the knot to the hook in the base frame, shape (samples, 3).
 
-    Zero where no hook is seen (the cord is off); ``None`` where the recording knows of none at all.
+    Zero where no hook is visible (the cord is off); ``None`` where the recording has no direction at all.
     """
     samples = len(recording.time)
     if HOOK in recording.markers:
@@ -119,10 +119,10 @@ def cord_direction(
         lengths = np.linalg.norm(reach, axis=1, keepdims=True)
         tied = np.asarray(np.isfinite(hook).all(axis=1))
         return np.where(tied[:, None], reach / np.maximum(lengths, 1e-9), 0.0)
-    told = recording.info.get("gauge_direction")
-    if told is None:
+    stated = recording.info.get("gauge_direction")
+    if stated is None:
         return None
-    unit = np.array(told, dtype=np.float64)
+    unit = np.array(stated, dtype=np.float64)
     return np.broadcast_to(unit / np.linalg.norm(unit), (samples, 3))
 
 
@@ -166,7 +166,7 @@ def saturation(recording: Recording, gauge: str, section: str) -> tuple[float, i
     observed = np.flatnonzero(np.isfinite(pull))
     values = pull[observed]
     top = float(values.max(initial=0.0))
-    # Hardly a pull, or an even one such as a hanging weight: there repeats say nothing of the range.
+    # Hardly a pull, or an even one such as a hanging weight: there repeats show nothing of the range.
     if top < 10 * LEAST_PULL or np.ptp(values) <= 0.5 * top:
         return top, 0
     apart = np.diff(recording.time[observed], prepend=-np.inf, append=np.inf) > LONGEST_BRIDGE

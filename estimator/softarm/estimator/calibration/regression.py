@@ -50,9 +50,9 @@ def fit_line(pressures: Floats, readings: Floats) -> Line:
 
 
 def estimate_lag(run: CalibrationRun) -> float | None:
-    """Estimate how far the motion lags behind the pressures [s]; None where too little moves to tell.
+    """Estimate how far the motion lags behind the pressures [s]; None where too little moves.
 
-    The lag of the clocks and that of the arm's own inertia add up; a static model wants both gone.
+    The lag of the clocks and that of the arm's own inertia add up; a static model needs both removed.
     """
     moving = np.isfinite(run.readings).any(axis=1) & np.isfinite(run.pressures).all(axis=1)
     if moving.sum() < FEWEST_SAMPLES or not (np.nanstd(run.pressures, axis=0) > 0).any():

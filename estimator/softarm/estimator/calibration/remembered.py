@@ -1,9 +1,9 @@
-"""What the arm remembers of a pull once it is over, taken for a force.
+"""What the arm remembers of a pull once it is over, expressed as a force.
 
 Rubber that was strained and let go does not return at once, nor the whole way. With r the readings measured
 minus predicted at the first node after a pull at which the cord is slack, r_0 at the last one before it, the
-estimate there takes r - r_0 for a force e. The part of e along the largest force F of the pull, over F, is
-what is remembered.
+estimate there explains r - r_0 by a force e. The remembered share is the part of e along the largest force F
+of the pull, over F.
 """
 
 from collections.abc import Mapping, Sequence
@@ -40,7 +40,7 @@ def remembered_shares(
         scatter: About its predictions, by sensor, quantity and condition [m or rad].
     """
     shares: dict[str, list[float]] = {}
-    known = ModelError.of(scatter).vented.scatter
+    model_scatter = ModelError.of(scatter).vented.scatter
     for at, run_nodes in zip(evaluations, nodes, strict=True):
         if not run_nodes.run.pulled:
             continue
@@ -58,7 +58,7 @@ def remembered_shares(
             lateral = pull[first : first + LATERAL]
             change = at.innovation[[after[0]]] - at.innovation[[before[-1]]]
             node = np.arange(len(run_nodes.time)) == after[0]
-            to_loads, noise = load_readings(setting, at.keep(node), run_nodes.keep(node), known)
+            to_loads, noise = load_readings(setting, at.keep(node), run_nodes.keep(node), model_scatter)
             there = to_loads[:, :, first : first + LATERAL]
             (information,), (right,) = load_equations(there, noise, change)
             if np.linalg.matrix_rank(information) == LATERAL and np.linalg.norm(lateral) > LEAST_PULL:

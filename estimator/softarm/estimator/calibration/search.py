@@ -45,7 +45,7 @@ def fit_axes(predicted: Floats, recorded: Floats, weights: Floats, mirrored: boo
         weights: Shape (nodes,).
         mirrored: The handedness.
     """
-    # x' = c x - s y + b_x and y' = s x + c y + b_y: either axis alone tells c and s.
+    # x' = c x - s y + b_x and y' = s x + c y + b_y: either axis alone determines c and s.
     x, y = predicted[:, 0], predicted[:, 1] * (-1.0 if mirrored else 1.0)
     one, none = np.ones_like(x), np.zeros_like(x)
     columns = np.concatenate([np.column_stack([x, -y, one, none]), np.column_stack([y, x, none, one])])

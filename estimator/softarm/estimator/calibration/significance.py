@@ -6,7 +6,7 @@ from scipy.special import fdtri, ndtr, stdtrit
 SIGNIFICANCE = 0.01
 """Largest probability that a scatter passes its limit by chance."""
 LEAST_RATIO = 1.3
-"""Ratio of two scatters up to which they count as the same, however well they are known."""
+"""Ratio of two scatters up to which they count as the same, however many samples they have."""
 NODES_PER_FREEDOM = 4.0
 """Number of neighbouring nodes that count as one independent sample."""
 
@@ -24,7 +24,7 @@ def scatter_limit(freedom: float, reference: float, significance: float = SIGNIF
 
 
 def student_factor(freedom: float) -> float:
-    """Return the factor on a deviation known from few samples, of which twice holds 95 % by Student's t.
+    """Return the factor on a deviation from few samples, of which twice holds 95 % by Student's t.
 
     Args:
         freedom: Degrees of freedom of the samples.

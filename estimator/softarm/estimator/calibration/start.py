@@ -20,20 +20,20 @@ STIFFER = (1.0, 1.4, 2.0, 2.8)
 PROBES = 6
 
 
-def solvable(forward: Forward, known: Floats, factors: Sequence[float] = STIFFER) -> Floats:
+def solvable(forward: Forward, first: Floats, factors: Sequence[float] = STIFFER) -> Floats:
     """Stiffen the segments until the model has an equilibrium at the highest pressures.
 
-    A model that is too soft has none: its chambers would have run away at pressures that the arm was seen
-    to bear.
+    A model that is too soft has none: its chambers would have grown without bound at pressures that the arm
+    bore.
     """
     probes = tuple(
         node_set.keep(flags) for node_set, flags in zip(forward.nodes, _highest(forward.nodes), strict=True)
     )
     probes = tuple(node_set for node_set in probes if len(node_set.time))
     modulus = forward.layout.of(Modulus)
-    values = known
+    values = first
     for factor in factors:
-        values = known + np.log(factor) * modulus
+        values = first + np.log(factor) * modulus
         predictions = replace(forward, nodes=probes).evaluate(values)
         if all(evaluation.converged.all() for evaluation in predictions):
             break
@@ -82,10 +82,10 @@ def sized_by_bends(specimen: Specimen, layout: Layout, first: Floats, axes: Mapp
     return values
 
 
-def with_bends_kept(specimen: Specimen, layout: Layout, sized: Floats, told: Floats) -> Floats:
+def with_bends_kept(specimen: Specimen, layout: Layout, sized: Floats, changed: Floats) -> Floats:
     """Change the gains as the moduli were changed, so that the bends keep their size."""
-    values = told.copy()
-    moved = dict(zip(layout.names, told - sized, strict=True))
+    values = changed.copy()
+    moved = dict(zip(layout.names, changed - sized, strict=True))
     for chamber in specimen.chambers:
         if f"gain.{chamber.index}" in layout.names:
             ratio = np.exp(moved.get(f"modulus.{chamber.segment}", 0.0))

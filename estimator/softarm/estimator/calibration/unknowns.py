@@ -1,4 +1,4 @@
-"""The unknowns of a calibration: each says what its value changes in the model, and how readings follow.
+"""The unknowns of a calibration: each defines what its value changes in the model, and how readings follow.
 
 With y the readings and x the stacked section twists, an unknown u that acts on the pressures P changes them
 by dy/du = (dy/dx)(dx/dP)(dP/du); ``Prediction`` holds the first two factors.

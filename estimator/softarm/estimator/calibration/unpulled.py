@@ -1,7 +1,7 @@
-"""How far forces err on sections that no gauge pulled, beside where one did, by what the moduli may be off.
+"""Errors that wrong moduli cause in forces on sections that no gauge pulled, beside those where one did.
 
 A force f on such a section moves the readings by J f. Moduli that are off by d change that by D d, which an
-estimate takes for the force (J' C^-1 J)^-1 J' C^-1 D d, with C the noise of the sensors and the model.
+estimate explains by the force (J' C^-1 J)^-1 J' C^-1 D d, with C the noise of the sensors and the model.
 
 The stiffness of the sections is that of the drawing, and the moduli of the segments make up for its error at
 the pulls alone: a pull on the tip bends the section between the segments, and a force on that section does

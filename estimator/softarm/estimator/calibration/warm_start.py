@@ -51,9 +51,9 @@ def joined(
 ) -> tuple[NodePredictions, ...]:
     """Return evaluations of all nodes with the model's states of the last evaluations of both parts."""
     merged = []
-    for every, seen, unseen, flags in zip(whole, trained, held_out, train, strict=True):
+    for every, fitted, rest, flags in zip(whole, trained, held_out, train, strict=True):
         converged, states = every.converged.copy(), every.response.states.copy()
-        for chosen, part in ((flags, seen), (~flags, unseen)):
+        for chosen, part in ((flags, fitted), (~flags, rest)):
             converged[chosen], states[chosen] = part.converged, part.response.states
         merged.append(replace(every, response=replace(every.response, states=states, converged=converged)))
     return tuple(merged)

@@ -1,8 +1,8 @@
 """A filter for the forces on an arm that vibrates.
 
 With u the displacements of a reduced arm and u_0 those it would have at rest without the forces f,
-M u'' = f - D u' - K (u - u_0), D = 2 zeta / omega K. A force wanders as a random walk or rises evenly, with a
-slope that wanders. Several filters, each with a law of its own, run beside each other and are mixed by how
+M u'' = f - D u' - K (u - u_0), D = 2 zeta / omega K. A force follows a random walk, or rises evenly with a
+slope that does. Several filters, each with a law of its own, run beside each other and are mixed by how
 well they predict the measurements (the interacting multiple model of H. A. P. Blom and Y. Bar-Shalom, IEEE
 Trans. Autom. Control 33, 1988).
 """
@@ -19,7 +19,8 @@ from softarm.estimator.small_matrices import add_congruence, invert, product
 RATE, SLOPE, DAMPING = range(3)
 LAWS = np.array([[0.01, 0.0, 0.06], [0.01, 0.0, 0.12], [0.01, 0.3, 0.12], [1.0, 0.0, 0.06]])
 """By filter: how much a force wanders in one second [N], how much its slope does [N/s], 0 for a force without
-slope, and the damping ratio. A weight on an arm that swings far or dies down, a gauge on its stage, a push.
+slope, and the damping ratio. They stand for a weight on an arm that vibrates far or dies down, a gauge on its
+stage, and a push.
 
 A damping ratio of 0.06 is that of the free vibration of a silicone beam at large amplitude; 0.12, for small
 and slow motion, was compared with 0.06 and 0.2 on fake arm 2 and holds on arms 1 and 3. A random walk in
@@ -27,16 +28,16 @@ place of the slope follows a stage that moves evenly 50 ms late; slopes that wan
 it as well.
 """
 DWELL_S = 10.0
-"""Mean time for which a force follows one of these laws [s]. A force that moves is found as well with 1 s and
-with 30 s; a short time widens the deviation of one that rests."""
+"""Mean time for which a force follows one of these laws [s]. A force that moves is estimated as well with 1 s
+and with 30 s; a short time widens the deviation of one that rests."""
 START_SPEED = 0.1
 START_FORCE = 1.0
-"""Standard deviations of speeds [m/s] and forces [N] before anything is known of them."""
+"""Prior standard deviations of speeds [m/s] and forces [N]."""
 
 
 @dataclass(frozen=True)
 class ForceFilter:
-    """What is known of displacements, speeds, forces and their slopes at one instant.
+    """Distribution of displacements, speeds, forces and their slopes at one instant.
 
     Args:
         mean: Of each filter, shape (filters, 4 forces).
@@ -52,7 +53,7 @@ class ForceFilter:
 
     @classmethod
     def begin(cls, arm: ReducedArm) -> "ForceFilter":
-        """Begin at an instant with nothing known of the past."""
+        """Begin at an instant without a past."""
         count, filters = len(arm.forces), len(LAWS)
         compliance = np.linalg.inv(arm.stiffness)
         mean = np.concatenate([arm.displacement, np.zeros(count), arm.forces, np.zeros(count)])
@@ -62,14 +63,14 @@ class ForceFilter:
         return cls(np.tile(mean, (filters, 1)), np.tile(covariance, (filters, 1, 1)), weights, arm.unloaded)
 
     def shifted(self, arm: ReducedArm, misfit: float) -> "ForceFilter":
-        """Return the same, but where the arm is found by other readings is as uncertain as their misfit."""
+        """Return the same with displacements as uncertain as the misfit of other readings makes them."""
         count, compliance = len(arm.forces), np.linalg.inv(arm.stiffness)
         covariance = self.covariance.copy()
         covariance[:, :count, :count] += misfit * compliance @ arm.noise @ compliance
         return replace(self, covariance=covariance)
 
     def at(self, arm: ReducedArm, seconds: float) -> "ForceFilter":
-        """Return what is known at the next instant, ``seconds`` later."""
+        """Return the distribution at the next instant, ``seconds`` later."""
         mean, covariance = np.empty_like(self.mean), np.empty_like(self.covariance)
         weights = self.weights.copy()
         _advance(
@@ -259,12 +260,12 @@ def _correct(
         fit: Filled with the logarithm of the likelihood of each filter, shape (filters,).
     """
     count, size = len(forces), mean.shape[1]
-    seen, spread = np.empty((count, size)), np.empty((count, count))
+    cross_covariance, spread = np.empty((count, size)), np.empty((count, count))
     precision, innovation = np.empty((count, count)), np.empty(count)
     gain = np.empty((size, count))
     for i in range(len(mean)):
-        product(stiffness, covariance[i, :count], seen)
-        product(seen[:, :count], stiffness, spread)
+        product(stiffness, covariance[i, :count], cross_covariance)
+        product(cross_covariance[:, :count], stiffness, spread)
         for r in range(count):
             innovation[r] = forces[r]
             for k in range(count):
@@ -274,18 +275,18 @@ def _correct(
         for r in range(count):
             for c in range(count):
                 fit[i] -= 0.5 * innovation[r] * precision[r, c] * innovation[c]
-        product(seen.T, precision, gain)
+        product(cross_covariance.T, precision, gain)
         for r in range(size):
             for k in range(count):
                 mean[i, r] += gain[r, k] * innovation[k]
-        _subtract(gain, seen, covariance[i])
+        _subtract(gain, cross_covariance, covariance[i])
 
 
 @njit(cache=True, nogil=True)
-def _subtract(gain: Floats, seen: Floats, covariance: Floats) -> None:
-    """Subtract the gain times what is seen; the covariance stays symmetric."""
+def _subtract(gain: Floats, cross_covariance: Floats, covariance: Floats) -> None:
+    """Subtract the gain times the cross-covariance; the covariance stays symmetric."""
     for r in range(len(covariance)):
         for c in range(r + 1):
-            for k in range(len(seen)):
-                covariance[r, c] -= gain[r, k] * seen[k, c]
+            for k in range(len(cross_covariance)):
+                covariance[r, c] -= gain[r, k] * cross_covariance[k, c]
             covariance[c, r] = covariance[r, c]

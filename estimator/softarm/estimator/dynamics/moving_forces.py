@@ -22,13 +22,13 @@ COARSE = 1.0
 
 
 class MovingForces:
-    """Take the arm's inertia and damping out of its estimated forces.
+    """Removes the arm's inertia and damping from its estimated forces.
 
-    An estimate takes an arm that swings for one that something holds in its pose, with a force of mass times
-    acceleration. The forces of a sequence of estimates, and where the arm is in each, tell the two apart.
+    An estimate treats an arm that vibrates as one at rest, held in its pose by a force of mass times
+    acceleration. The forces and poses of a sequence of estimates separate that force from a real one.
 
     Args:
-        sections: Names of the sections that the model gives.
+        sections: Names of the sections of the model.
         neighbours: Sections above and below each segment.
         masses: Of sections and segments.
         loads: The unknown loads; where they are not all forces on sections, estimates stay as they are.

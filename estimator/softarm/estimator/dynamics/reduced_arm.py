@@ -90,8 +90,8 @@ class Reduction:
             The reduced arm, ``None`` where no sensor gave a reading or the forces do not each move the arm
             their way.
         """
-        seen = next((row for row in estimate.rows if row.name == "sensors" and len(row.members)), None)
-        if seen is None:
+        sensor_rows = next((row for row in estimate.rows if row.name == "sensors" and len(row.members)), None)
+        if sensor_rows is None:
             return None
         count, forces = len(self.axes), estimate.inputs.loads
         stiffness, mass, displacement, unloaded, slowest = _reduce(
@@ -101,11 +101,15 @@ class Reduction:
         if slowest < 0.0:
             return None
         noise, squares = _noise_and_squares(
-            estimate.covariance[-count:], seen.weighted, own_noise, seen.members, seen.innovation
+            estimate.covariance[-count:],
+            sensor_rows.weighted,
+            own_noise,
+            sensor_rows.members,
+            sensor_rows.innovation,
         )
-        misfit = squares / max(len(seen.members) - count, 1)
+        misfit = squares / max(len(sensor_rows.members) - count, 1)
         return ReducedArm(
-            stiffness, mass, displacement, unloaded, forces, noise, seen.members, misfit, slowest
+            stiffness, mass, displacement, unloaded, forces, noise, sensor_rows.members, misfit, slowest
         )
 
 

@@ -1,13 +1,13 @@
-"""What an arm remembers of the largest force on it, taken out of the forces that follow.
+"""What an arm remembers of the largest force on it, removed from the forces that follow.
 
 A calibration rests on forces that rise. In rubber with hysteresis, unloading leaves the curve of first
 loading by what grows with the way back (G. Masing, Proc. 2nd Int. Congr. Appl. Mech. 1926, for elastic-slip
-elements). An estimate that knows no history takes the arm, which is still bent, for one that is held: with F
-the largest force so far, u its direction and m the share that is remembered, it finds a force f to be
+elements). An estimate without history treats the arm, which is still bent, as one that is held: with F the
+largest force so far, u its direction and m the share that is remembered, it estimates a force f as
 
     f + m u (|F| - u . f).
 
-A tare begins a new history: forces count from there, and what is remembered of those before stays taken out.
+A tare begins a new history: forces count from there, and what is remembered of those before stays removed.
 Under pressure there is none: the arm is strained by more than forces.
 """
 

@@ -1,4 +1,4 @@
-"""Manoeuvres that tell physical effects apart, and the choice among them."""
+"""Manoeuvres that separate physical effects, and the choice among them."""
 
 from softarm.estimator.excitation.manoeuvre import Manoeuvre, ManoeuvreLimits
 from softarm.estimator.excitation.menu import menu

@@ -51,7 +51,7 @@ class Manoeuvre:
 
     @property
     def duration(self) -> float:
-        """How long it takes [s]."""
+        """Its duration [s]."""
         return float(self.times[-1])
 
     def at(self, time: Floats) -> Floats:

@@ -1,4 +1,4 @@
-"""The menu of manoeuvres that tell the physical effects apart, for any lay-out of chambers."""
+"""The menu of manoeuvres that separate the physical effects, for any lay-out of chambers."""
 
 from collections.abc import Callable
 
@@ -11,7 +11,7 @@ Segments = tuple[int, ...]
 """Segment of each chamber."""
 
 QUARTER = np.pi / 2.0
-PLUCK = 0.3  # N, enough to swing the arm and little enough to hold with two fingers
+PLUCK = 0.3  # N, enough to make the arm vibrate and little enough to hold with two fingers
 POSES = 10
 # Multiples of the golden section modulo 1 never cluster.
 GOLDEN = 0.6180339887
@@ -29,7 +29,7 @@ def rest(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: ARG
 
 
 def growing_cycles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
-    """Cycle one chamber of each segment twice at each amplitude; the first passage is seen once only."""
+    """Cycle one chamber of each segment twice at each amplitude; the first passage occurs only once."""
     path, full = ManoeuvrePath(limits), _one_of_each(segments, limits, 0)
     for level in np.repeat([0.25, 0.5, 0.75, 1.0], 2):
         path.go(level * full, 3.5).vent(3.5)
@@ -55,7 +55,7 @@ def ramps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
 
 
 def triangles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
-    """Reversal curves at two amplitudes and two rates."""
+    """Make reversal curves at two amplitudes and two rates."""
     path, full = ManoeuvrePath(limits), _one_of_each(segments, limits, 0)
     for speed in (8e3, 40e3):
         for level, before in ((1.0, 0.0), (0.3, 1.0), (0.8, 0.3), (0.0, 0.8), (0.5, 0.0), (0.0, 0.5)):
@@ -71,7 +71,7 @@ def holds(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
 
 
 def steps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
-    """Jump to poses and let go, so that the arm rings."""
+    """Jump to poses and let go, so that the arm vibrates."""
     path = ManoeuvrePath(limits)
     for number in range(6):
         size = 1.0 if number % 2 else 0.4
@@ -113,7 +113,7 @@ def poses(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
 
 
 def mount_turned(axis: str) -> Callable[[Segments, ManoeuvreLimits], Manoeuvre]:
-    """Make the manoeuvre of each chamber alone with the mount turned about an axis of the base."""
+    """Make the manoeuvre of each chamber alone with the mount rotated about an axis of the base."""
 
     def make(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noqa: ARG001
         path = ManoeuvrePath(limits).hold(5.0)

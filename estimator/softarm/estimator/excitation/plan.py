@@ -9,14 +9,14 @@ from softarm.estimator.excitation.manoeuvre import Manoeuvre
 from softarm.estimator.excitation.separation import SeparatedArm, SeparationTrial
 
 ENOUGH = 50.0
-"""Separation D^2 from which two explanations are told apart, with a margin of two on chance."""
+"""Separation D^2 from which two explanations are distinguished, with a margin of two on chance."""
 OVERHEAD = 6.0
 """Time between two manoeuvres for venting and for the file [s]."""
 
 
 @dataclass(frozen=True)
 class Rivals:
-    """An explanation and one that the data at hand cannot tell from it.
+    """An explanation and one that the present data do not distinguish from it.
 
     Args:
         found: The explanation, as fitted.
@@ -49,7 +49,7 @@ class ChosenManoeuvre:
 
     @property
     def seconds(self) -> float:
-        """Time that it takes, venting included [s]."""
+        """Its duration, venting included [s]."""
         return self.manoeuvre.duration + OVERHEAD
 
     def gain(self, lacking: Sequence[float]) -> float:
@@ -64,7 +64,7 @@ class ExcitationPlan:
 
     Args:
         choices: The manoeuvres.
-        rivals: The pairs that it is to tell apart; none where everything is to be shown.
+        rivals: The pairs that it is to separate; none where everything is to be shown.
     """
 
     choices: tuple[ChosenManoeuvre, ...]
@@ -81,7 +81,7 @@ class ExcitationPlan:
 
     @property
     def undecided(self) -> tuple[Rivals, ...]:
-        """Pairs that the whole plan will not tell apart."""
+        """Pairs that the whole plan will not separate."""
         return tuple(p for k, p in enumerate(self.rivals) if self.separation(k) < ENOUGH)
 
 

@@ -1,13 +1,13 @@
-"""How far a manoeuvre drives two rival explanations apart.
+"""How well a manoeuvre separates two rival explanations.
 
 With y_a the readings under effect a and y_b(theta) those under its rival b, the separation is
 
     D^2 = min over theta, n of |L (y_a - y_b(theta) - N n)|^2 + |n / s|^2,
 
-N the readings' change by what calibration may still explain (stiffness and pressure gain of each segment,
-known to s) and L a whitener for an error with a few independent values in ten seconds. D^2 is what
-a run of the manoeuvre adds to the difference in chi-square (T-optimality: Atkinson and Fedorov, Biometrika
-62, 1975); two explanations part safely from about 25 on.
+N the change of the readings that calibration may still explain (stiffness and pressure gain of each segment,
+with standard deviations s) and L a whitener for an error with a few independent values in ten seconds. D^2 is
+what a run of the manoeuvre adds to the difference in chi-square (T-optimality: Atkinson and Fedorov,
+Biometrika 62, 1975); two explanations separate safely from about 25 on.
 """
 
 from dataclasses import dataclass, replace
@@ -30,7 +30,7 @@ from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Se
 FADING = 3.0  # s, over which errors of readings and model forget
 SLOWEST = 0.87  # from sample to sample; readings scatter also at once, so that jumps count no more than so
 FLOOR = {"rad": 3.5e-3, "m": 1e-3}  # what repeated runs of one arm differ by, whatever the sensor
-CALIBRATION_STD = 0.05  # how well calibration knows stiffness and gain of a segment
+CALIBRATION_STD = 0.05  # relative, of a segment's calibrated stiffness and gain
 LEG = 15e3  # Pa between two solutions of the model along a path
 SAMPLES = 500
 SHORTEST, LONGEST = 0.04, 0.25  # s between samples
@@ -66,7 +66,7 @@ class SeparatedArm:
         return SeparationTrial(self, drive, LinearisedArm(self.segments, drive, baseline))
 
     def _drive(self, manoeuvre: Manoeuvre, time: Floats) -> Drive:
-        """Return the drive of a manoeuvre; a turned mount turns gravity the other way."""
+        """Return the drive of a manoeuvre; a rotated mount rotates gravity the other way."""
         rotation = exp(np.array(manoeuvre.rotation))
         sections = len(self.world.sections)
         gravity = rotation.T @ self.gravity
@@ -85,7 +85,7 @@ class SeparatedArm:
             times += (begin + (end - begin) * np.arange(1, pieces + 1) / pieces).tolist()
         clock = np.array(times)
         drive = self._drive(manoeuvre, clock)
-        # To a pascal and to 0.1 mN: a path that comes back to a state finds it solved.
+        # To a pascal and to 0.1 mN: a path that comes back to a state does not solve it again.
         state = np.round(np.column_stack([drive.pressures, drive.wrenches[:, -1, :3] * 1e4]))
         _, chosen, back = np.unique(state, axis=0, return_index=True, return_inverse=True)
         solved = self.arm.respond(drive.at(chosen))
@@ -112,11 +112,11 @@ class SeparationTrial:
         return self._whiten(np.concatenate(parts, axis=1))
 
     def _whiten(self, change: Floats) -> Floats:
-        """Divide by the noise and take out what fades slowly."""
+        """Divide by the noise and remove what fades slowly."""
         step = float(self.drive.time[1] - self.drive.time[0])
         decay = min(float(np.exp(-step / FADING)), SLOWEST)
-        # Where SLOWEST bounds the decay, samples are whitened as if they told more than they do: they weigh
-        # less.
+        # Where SLOWEST bounds the decay, whitening treats samples as more independent than they are: they
+        # weigh less.
         share = step / (2.0 * FADING) * (1.0 + decay) / (1.0 - decay)
         scaled = np.sqrt(min(share, 1.0)) * change / self._floors
         fresh = np.vstack([scaled[:1], (scaled[1:] - decay * scaled[:-1]) / np.sqrt(1.0 - decay**2)])
@@ -152,7 +152,10 @@ class SeparationTrial:
         return self._whiten(suite.sensitivity(self.arm.baseline.frames, there).innovation)
 
     def separation(self, effect: PlacedEffect, rival: PlacedEffect) -> float:
-        """Compute D^2 of an effect and its rival, fitted from the parameters given or, if less, from none."""
+        """Compute D^2 of an effect and its rival.
+
+        The rival's fit begins at its parameters or at its neutral ones, where the residuals are smaller.
+        """
         wanted, parameters = self.readings(effect), rival.effect.parameters
 
         def residuals(theta: Floats) -> Floats:

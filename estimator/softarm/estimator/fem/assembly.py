@@ -30,7 +30,7 @@ class AssembledForces:
         forces: Internal forces [N], shape (nodes, 3).
         volumes: Chamber volumes [m3], shape (chambers,).
         gradients: Their derivatives, the nodal forces per pascal [m2], shape (chambers, nodes, 3).
-        tangent: Derivative of (internal - pressure forces), when it was asked for.
+        tangent: Derivative of (internal - pressure forces), when it was requested.
         valid: False where an element is inverted or beyond its law's limit; then nothing else is.
     """
 
@@ -117,7 +117,7 @@ class Body:
             mirror = blocks.copy()
             for block in self.tetrahedra:
                 valid = valid and block.forces(positions, scales, forces, blocks, mirror, tangent)
-        # The same array, not an equal one, is what tells `Tangent.symmetric`.
+        # `Tangent.symmetric` tests for the same array, not for an equal one.
         if self.symmetric:
             mirror = blocks
         return AssembledForces(

@@ -16,6 +16,6 @@ def compiled(function: Kernel) -> Kernel:
 
 def reassociated(function: Kernel) -> Kernel:
     """Compile a kernel whose sums may be taken in any order, so that they run in parallel lanes."""
-    # Not all of `fastmath`: NaN and infinity must survive, since they tell that a solve has failed.
+    # Not all of `fastmath`: NaN and infinity must survive, since they show that a solve has failed.
     loose = {"reassoc", "contract", "nsz"}
     return cast("Kernel", numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=loose)(function))

@@ -75,7 +75,7 @@ def build_loads(mesh: Mesh, loads: tuple[Load, ...], sections: dict[str, Section
         fit = SectionFit.of((frame,), len(mesh.points))
         row = np.zeros(6)
         row[slice(0, 3) if load.kind == "force" else slice(3, 6)] = direction
-        # At the mean of its points a force acts alike on all of them, however the section turns.
+        # At the mean of its points a force acts alike on all of them, however the section rotates.
         if load.kind == "force" and np.allclose(frame.origin, frame.mean, atol=1e-12):
             constant[index] = fit.at(mesh.points).pull_back(row[None])[0]
         else:

@@ -130,7 +130,7 @@ class FiniteElementModel:
         frames: Section frames by name.
         nodal_mass: Mass of each node [kg], shape (nodes,).
         scales: Factor on the stiffness of each of ``parameters``.
-        force_resolution: Out-of-balance force that rounding alone makes [N]; less is not asked for.
+        force_resolution: Out-of-balance force that rounding alone makes [N]; less is not required.
         settings: Limits of ``solve``.
     """
 
@@ -164,7 +164,7 @@ class FiniteElementModel:
             chambers: Names of the chambers' surfaces in the order of the pressures; when left out,
                 ``chamber_0``, ``chamber_1`` and so on as far as the mesh has them.
             fibres: Membranes on named surfaces and discrete springs.
-            sections: Rigid sections whose frames the model gives; a bare name puts the frame's origin at
+            sections: Rigid sections whose frames the model predicts; a bare name puts the frame's origin at
                 the mean of the node set ``section_<name>``, axes along the base frame's.
             loads: Loads whose amplitudes are inputs; ``DistributedLoad`` among them for body forces.
             clamp: Node set that is held.
@@ -198,7 +198,7 @@ class FiniteElementModel:
 
     @property
     def sections(self) -> tuple[str, ...]:
-        """Names of the sections whose frames it gives."""
+        """Names of the sections whose frames it predicts."""
         return tuple(self.frames)
 
     @property
@@ -233,7 +233,7 @@ class FiniteElementModel:
     def without_snaps(self) -> "FiniteElementModel":
         """Copy the model so that a load path ends where the arm would snap through.
 
-        For a calibration: a state beyond is none that the arm was recorded in, and takes long to find.
+        For a calibration: the arm was not recorded in states beyond, and they take long to find.
         """
         return replace(self, settings=replace(self.settings, descent=0, smallest_step=0.02))
 
@@ -285,7 +285,7 @@ class FiniteElementModel:
         """Take the Newton step for inputs changed by ``change`` (pressures, then loads).
 
         A step that would invert an element or move a node by more than ``settings.longest_move`` of the
-        body's size is shortened; the next linearisation's residual tells.
+        body's size is shortened; the next residual shows it.
         """
         pressures = step.inputs.pressures + change[: self.chambers]
         inputs = Inputs(pressures, step.inputs.loads + change[self.chambers :], step.inputs.gravity)

@@ -24,7 +24,7 @@ MOMENTS = 4
 
 @dataclass(frozen=True)
 class SectionNodes:
-    """A rigid section whose frame the model gives.
+    """A rigid section whose frame the model predicts.
 
     Args:
         name: Name of the section; its points are the node set ``section_<name>`` unless ``point`` is given.
@@ -203,17 +203,17 @@ def build_slice(mesh: Mesh, height: float) -> SectionFrame:
 
 def _fit_rotations(columns: Floats, single: Flags) -> tuple[Floats, Floats]:
     """Compute R and R (tr U - U)^-1 from the columns of M = R U, shape (sections, 3, 3), by column."""
-    known = np.isfinite(columns).all(axis=(1, 2), keepdims=True)  # the decomposition of NaN raises
-    left, values, right = np.linalg.svd(np.where(known, columns, np.eye(3)).swapaxes(1, 2))
+    valid = np.isfinite(columns).all(axis=(1, 2), keepdims=True)  # the decomposition of NaN raises
+    left, values, right = np.linalg.svd(np.where(valid, columns, np.eye(3)).swapaxes(1, 2))
     mirrored = np.linalg.det(left @ right) < 0.0
     # A reflection fits best: the nearest rotation reverses the direction of the smallest singular value.
     left[mirrored, :, 2] *= -1.0
     values[mirrored, 2] *= -1.0
     # (tr U - U)^-1 in the eigenbasis of U, whose eigenvalues are the (signed) singular values.
     spread = values.sum(axis=1, keepdims=True) - values
-    # A single point never turns, whatever its neighbours do.
+    # A single point never rotates, whatever its neighbours do.
     spread[single] = np.inf
-    left = np.where(known, left, np.nan)
+    left = np.where(valid, left, np.nan)
     since_rest = np.where(single[:, None, None], np.eye(3), left @ right)
     return since_rest, left @ (right / spread[:, :, None])
 

@@ -29,7 +29,7 @@ def build_mesh(specimen: Specimen, resolution: Resolution | None = None) -> Mesh
         ``clamp`` and ``section_<name>``; all checked.
 
     Raises:
-        InputError: The description cannot be meshed, or the mesh file is not what it says.
+        InputError: The description cannot be meshed, or it does not describe the mesh file.
     """
     geometry = specimen.geometry
     resolution = resolution or DEFAULTS[geometry.kind]

@@ -138,12 +138,12 @@ def read_content(path: Path) -> MeshFileContent:
         raise InputError(
             where, "no such mesh file", "correct the path, which starts at the specimen's folder"
         )
-    said = StringIO()
+    printed = StringIO()
     try:
-        with redirect_stdout(said), redirect_stderr(said):  # meshio prints why, then exits the program
+        with redirect_stdout(printed), redirect_stderr(printed):  # meshio prints why, then exits the program
             mesh = meshio.read(path)
     except SystemExit:
-        why = " ".join(said.getvalue().split()) or "its format is unknown"
+        why = " ".join(printed.getvalue().split()) or "its format is unknown"
         raise InputError(where, f"cannot read the mesh: {why}", "give a file that meshio reads") from None
     except UNREADABLE as error:
         raise InputError(where, f"cannot read the mesh: {error}", "give a file that meshio reads") from None

@@ -26,8 +26,8 @@ TOLERANCE = 3.0
 RELUCTANCE = 30.0
 """A change by a chamber's whole range weighs as much as so many standard deviations of a reading.
 
-A bend takes hundreds of them, so it is hardly held back; a twist, which no pressure makes, is not bought with
-pressures that do little else.
+A bend amounts to hundreds of them, so it is hardly held back; a twist, which no pressure causes, does not
+lead to pressures that do little else.
 """
 CAUTIOUS_RADIUS = 0.3
 """Trust region of the search that is tried when one with long steps fails, in units of the inputs' scale."""
@@ -79,7 +79,7 @@ def settle(
     first: Compensation,
     tolerances: Tolerances | None = None,
 ) -> tuple[Compensation, ArmEstimate[State] | None]:
-    """Search on from what ``replace_loads`` found to the optimum of the nonlinear arm, its loads gone.
+    """Search on from the result of ``replace_loads`` to the optimum of the nonlinear arm, its loads gone.
 
     Args:
         model: Model of the arm.
@@ -87,7 +87,7 @@ def settle(
         suite: Sensors whose standard deviations are the tolerances.
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
         tare: Load amplitudes that count as zero, shape (loads,).
-        first: What ``replace_loads`` found.
+        first: The result of ``replace_loads``.
         tolerances: When the search stops.
 
     Returns:

@@ -1,4 +1,4 @@
-"""Where along the arm a force acts, from one linearisation: quick enough to go along with the estimates."""
+"""Where along the arm a force acts, from one linearisation: quick enough to accompany every estimate."""
 
 from dataclasses import dataclass
 from typing import TypeVar
@@ -15,9 +15,9 @@ State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 
 LEAST_ROWS = 6
-"""Fewer independent measurements cannot tell a force, its place and an error of the model apart."""
+"""Fewer independent measurements cannot separate a force, its place and an error of the model."""
 FINE = 20
-"""Heights looked at between two candidates."""
+"""Heights tried between two candidates."""
 CHI_SQUARE_95 = 3.841
 """95th percentile of chi-square with one degree of freedom."""
 INTERVAL_95 = 3.92
@@ -49,14 +49,14 @@ class ContactProfile:
     must explain: r = J_h f + noise, where J_h are the sensors' derivatives by a lateral force f at height h
     and the noise is that of the sensors, of the model and, through J_p, of the pressures. The least weighted
     sum of squares at each height is the profile of the likelihood. The first pass is about the estimate's own
-    state, each further one about the equilibrium under the push that the last one found.
+    state, each further one about the equilibrium under the push of the last one.
 
     Args:
         heights: Candidate rest distances from the base [m], rising, shape (candidates,).
         force_sigma: Standard deviation assumed for each component of the push [N].
         passes: Number of linearisations.
-        form_share: Error of the model's answer to a push where no calibration has pulled, as a share of that
-            answer in each reading: shear that was taken for bending looks like another height.
+        form_share: Error of the model's response to a push where no calibration has pulled, as a share of
+            that response in each reading: shear that was fitted as bending looks like another height.
     """
 
     heights: Floats
@@ -86,7 +86,7 @@ class ContactProfile:
 
         Args:
             model: The model with the estimate's loads followed by ``loads``.
-            start: The estimate's state, as this model takes it.
+            start: The estimate's state, in this model's form.
             suite: The sensors.
             readings: Stacked readings of the instant, NaN where absent, shape (readings,).
             estimate: The estimate at that instant.

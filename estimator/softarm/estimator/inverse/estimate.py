@@ -95,7 +95,7 @@ class ArmEstimate(Minimum[State]):
         """Expectation of ``normalised_innovation_squared``: data less what they were spent on.
 
         With S the covariance of the estimate and D = J^T R^-1 J the data's information, n - tr(S D): a prior
-        that gives half of an unknown leaves half of a degree of freedom to the data.
+        that determines half of an unknown leaves half of a degree of freedom to the data.
         """
         data = [row for row in self.rows if row.data]
         spent = sum(float(np.vdot(self.covariance, row.normal)) for row in data)
@@ -137,7 +137,7 @@ class ArmEstimate(Minimum[State]):
 def posterior(rows: tuple[WeightedRows, ...], scale: Floats, fixed: Flags) -> Floats:
     """Return the covariance of the inputs, (sum J^T R^-1 J)^-1 over those that can move.
 
-    A direction that nothing determines is given a standard deviation of 1e3 times its scale instead of
+    A direction that nothing determines has a standard deviation of 1e3 times its scale instead of
     infinity.
 
     Args:

@@ -18,7 +18,7 @@ Step = TypeVar("Step", bound=Linearisation)
 
 
 STEPS = 30
-"""Newton steps from one equilibrium to the next; where these do not get there, it is found from rest."""
+"""Newton steps from one equilibrium to the next; where these do not suffice, it is solved from rest."""
 SETTLED = 1e-4
 """Out-of-balance force over the applied forces at which a search can begin."""
 CALM_S = 0.1
@@ -74,9 +74,9 @@ class Pursuit(Background[Inputs, tuple[State, Inputs] | None]):
 class FallbackEstimator(Generic[State, Step]):
     """Follow an arm on an exact model, and on a fast one while the exact one has lost it.
 
-    To bring the exact model to where the arm is after a search that did not converge takes up to a second.
-    That is done in the background, at the inputs that the fast model finds, once the arm has calmed down. The
-    exact model takes over again when a step of its search reaches from there to the present inputs.
+    After a search that did not converge, it takes up to a second to bring the exact model to where the arm
+    is. That is done in the background, at the inputs that the fast model estimates, once the arm has calmed
+    down. The exact model takes over again when a step of its search reaches from there to the present inputs.
 
     Args:
         exact: Estimator on the exact model.
@@ -138,7 +138,7 @@ class FallbackEstimator(Generic[State, Step]):
         """Begin where the exact model has been brought, if that is within reach of the last estimate."""
         if not (self._pursued and self._pursuit.idle):
             return
-        found = self._pursuit.newest
-        if found is not None and self._newest is not None and self._pursuit.reaches(found[1], self._newest):
-            self._exact.begin_at(*found)
+        solved = self._pursuit.newest
+        if solved is not None and self._newest is not None and self._pursuit.reaches(solved[1], self._newest):
+            self._exact.begin_at(*solved)
             self.lost = False

@@ -19,7 +19,7 @@ State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 Status = Literal["converged", "iterations_exhausted", "diverged"]
 INSIGNIFICANT = 1e-4
-"""Rise of the cost out of equilibrium, over it and over one, that no measurement could tell."""
+"""Rise of the cost out of equilibrium, over it and over one, below what any measurement resolves."""
 FORGETS = 1.1
 """Factor by which a reach may grow from one instant to the next: one step may be bent little by chance."""
 
@@ -58,7 +58,7 @@ class Linearised(Generic[State]):
         inputs: Inputs there.
         step: The linearisation.
         reach: Size of a step from there that would leave one as large, in units of the inputs' scale: what
-            is left grows with the square of a step. 0 where it is not known.
+            is left grows with the square of a step. 0 where it is unknown.
     """
 
     model: ArmModel[State, Any]
@@ -169,7 +169,7 @@ def linearise_at(
 
 
 def _reach(size: float, left: float, before: float) -> float:
-    """Return the reach by what a step left, and by what was known before."""
+    """Return the reach from what a step left, and from the reach before."""
     measured = size**2 / left if left > 0.0 else math.inf
     return min(measured, FORGETS * before) if before > 0.0 else measured
 
@@ -214,7 +214,7 @@ class _Search(Generic[State, Step]):
             if iterations == second:
                 reach = _reach(last, size, self.reach)
             # Steps shrink by this rate, so the next one, which is the error left, is about as much smaller;
-            # the first one by what is known of the curvature.
+            # the first one by the estimated curvature.
             rate = min(size / last, 1.0) if last > 0.0 else 1.0
             settled = point.residual_norm * rate < self.tolerances.residual
             if size * rate < self.tolerances.step and settled:
@@ -258,7 +258,7 @@ class _Search(Generic[State, Step]):
         """Accept what is finite, not far out of balance, and does not raise the cost noticeably."""
         if not (np.isfinite(candidate.cost) and np.isfinite(candidate.residual_norm)):
             return False
-        # Out of balance by more than all that acts, a linearisation says nothing of the equilibrium.
+        # Out of balance by more than all applied forces, a linearisation does not predict the equilibrium.
         if candidate.residual_norm > max(1.0, 2.0 * point.residual_norm):
             return False
         # Out of equilibrium the cost is a forecast, so only a clear rise counts.

@@ -1,6 +1,6 @@
 """Objectives of the inverse problem, each a weighted sum of squares of the inputs' change.
 
-At an iterate every objective gives rows r - J du with covariance R; the problem is to minimise the sum of
+At an iterate every objective has rows r - J du with covariance R; the problem is to minimise the sum of
 (r - J du)^T R^-1 (r - J du) over the change du of the inputs.
 """
 

@@ -10,7 +10,7 @@ from softarm.estimator.counted import counted
 from softarm.estimator.inverse.unknowns import Unknowns
 
 UNSEEN = 1e-6
-"""Singular value, relative to the largest, under which a direction counts as not seen at all."""
+"""Singular value, relative to the largest, under which a direction counts as unobservable."""
 LARGE_SHARE = 0.3
 """Component of a unit direction from which an input is named in words."""
 
@@ -85,7 +85,7 @@ def analyse(unknowns: Unknowns, free: Flags, jacobian: Floats, information: Floa
         _, singular, basis = np.linalg.svd(scaled, full_matrices=True)
         values[: len(singular)] = singular
         directions[members] = basis.T
-        # Where even the best direction is seen poorly, directions are compared with the inputs' typical size.
+        # Where even the best direction is poorly observable, the inputs' typical size is the reference.
         rank = int((singular > UNSEEN * max(singular[0], 1.0)).sum())
         rows = len(scaled)
     return Observability(unknowns, free, rank, rows, values, directions)

@@ -19,7 +19,7 @@ DAMPING = 1e-12
 TOLERANCE = 1e-10
 """Largest absolute residual of the optimality conditions."""
 MOST_ITERATIONS = 200
-"""ProxQP takes about twenty. Where rounding keeps it above the tolerance, more of them gain nothing."""
+"""ProxQP needs about twenty. Where rounding keeps it above the tolerance, more of them gain nothing."""
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,7 @@ class LoadProcess:
 
     Over dt, with a = exp(-dt / time_constant), mean' = a mean and covariance' = a^2 covariance +
     (1 - a^2) sigma^2. Over short times this is a random walk of variance 2 sigma^2 dt / time_constant; over
-    long ones nothing is known but ``sigma``. A sensor that falls silent so widens the covariance without a
-    jump.
+    long ones only ``sigma`` remains. Thus a sensor that falls silent widens the covariance without a jump.
 
     Args:
         sigma: Long-run standard deviation of each load [N or N m], shape (loads,).
@@ -37,7 +36,7 @@ class LoadProcess:
     time_constant: float
 
     def start(self) -> tuple[Floats, Floats]:
-        """Return mean and covariance where nothing has been seen yet."""
+        """Return mean and covariance before any reading."""
         return np.zeros(len(self.sigma)), np.diag(self.sigma**2)
 
     def predict(self, mean: Floats, covariance: Floats, duration: float) -> tuple[Floats, Floats]:
@@ -89,7 +88,7 @@ class _Memory(Generic[State]):
 
 @dataclass(frozen=True)
 class _Accuracy:
-    """What a calibration says of the errors in one condition of the arm.
+    """The errors that a calibration states for one condition of the arm.
 
     Args:
         suite: The sensors, as noisy as they and the model are together.
@@ -159,7 +158,7 @@ class Estimator(Generic[State, Step]):
         return self._conditions[self._settings.model_error.at(pressures)].suite
 
     def follow(self, model: ArmModel[State, Step]) -> None:
-        """Go on with another model of the same states and inputs, such as one under known loads."""
+        """Continue with another model of the same states and inputs, such as one under known loads."""
         self._model = model
 
     def reset(self) -> None:
@@ -168,8 +167,8 @@ class Estimator(Generic[State, Step]):
         self._failures = 0
 
     def begin_at(self, state: State, inputs: Inputs) -> None:
-        """Begin the next search at an equilibrium that is known from elsewhere, such as other sensors."""
-        # The pose is known, not what holds it: pressures and loads are as open as at the very start.
+        """Begin the next search at an equilibrium from another source, such as other sensors."""
+        # That determines the pose, not what holds it: pressures and loads are as open as at the very start.
         variance = np.concatenate([self._settings.pressure_limits**2, self._settings.process.sigma**2])
         time = -np.inf if self._memory is None else self._memory.time
         self._memory, self._solved = _Memory(time, state, inputs, np.diag(variance)), None

@@ -17,7 +17,7 @@ class Unknowns:
         chambers: Number of pressures.
         loads: The model's loads.
         scale: A typical change of each entry [Pa, N or N m], shape (inputs,); makes the problem's numbers
-            of order one and says in which proportion entries of different units are compared.
+            of order one and sets the proportion in which entries of different units are compared.
     """
 
     chambers: int

@@ -1,4 +1,4 @@
-"""Fitted rods as files, and the key that tells whether one belongs to a specimen."""
+"""Fitted rods as files, and the key by which one belongs to a specimen."""
 
 import hashlib
 import json
@@ -41,7 +41,7 @@ def shape_key(specimen: Specimen, recipe: Recipe | None = None) -> str:
     """Hash all that shapes the finite-element answer and the fit.
 
     That is geometry with its mesh and resolution, materials, masses, chambers, fibres, clamp and the recipe;
-    not sensors, section frames, gravity or what calibration found.
+    not sensors, section frames, gravity or calibrated values.
 
     Raises:
         InputError: The mesh file of the specimen cannot be read.

@@ -1,4 +1,4 @@
-"""What the compiled parts of the rod hand to each other: named tuples of arrays."""
+"""Named tuples of arrays that the compiled parts of the rod exchange."""
 
 from typing import NamedTuple
 

@@ -1,4 +1,4 @@
-"""Equilibrium of the chain, compiled: every link's strain is what its law gives for its wrench."""
+"""Equilibrium of the chain, compiled: every link's strain follows from its wrench by its law."""
 
 import numpy as np
 from numba import njit
@@ -170,7 +170,7 @@ def station_twists(motions: Floats, change: Floats, links: Indices, places: Floa
     for j in range(len(motions)):
         for c in range(6):
             for k in range(6):
-                # Many vanish: a translation of a link turns nothing.
+                # Many vanish: a translation of a link rotates nothing.
                 if motions[j, c, k] != 0.0:
                     for column in range(columns):
                         rigid[k, column] += motions[j, c, k] * change[6 * j + c, column]

@@ -50,7 +50,7 @@ class Recipe:
 
 @dataclass(frozen=True)
 class FittedRod:
-    """A rod and what is known of it.
+    """A rod and the results of its fit.
 
     Args:
         rod: The rod, with unit stiffness factors and ``softarm.estimator.arm.default_loads``.
@@ -85,14 +85,14 @@ def fit_rod(
     executor: Executor | None = None,
     recipe: Recipe | None = None,
 ) -> FittedRod:
-    """Fit the rod of a specimen as described, without what calibration found; ``adapted`` brings that in.
+    """Fit the rod of a specimen as described, without its calibration, which ``adapted`` applies.
 
     The model is that of ``sampled_model``; its loads and stiffness factors count for nothing. ``progress`` is
     called with the rays done and all of them; the threads of ``executor`` solve the model side by side.
     """
     recipe = recipe or Recipe()
     plan, total = recipe.plan, recipe.plan.rays + 2 * recipe.check.rays
-    # At unit stiffness, which `adapted` scales by what calibration found.
+    # At unit stiffness, which `adapted` scales by the calibrated factors.
     model = model.with_loads(sampling_loads(specimen)).with_scales(dict.fromkeys(model.parameters, 1.0))
     stations = cut(specimen, model, recipe.links_per_segment)
 
@@ -117,10 +117,10 @@ def fit_rod(
 
 
 def adapted(rod: CalibratedRod, specimen: Specimen) -> CalibratedRod:
-    """Bring a specimen's section frames and calibrated stiffness to the rod of its shape.
+    """Apply a specimen's section frames and calibrated stiffness to the rod of its shape.
 
-    Exact where all that is elastic in the arm is scaled by one factor; ``softarm bench rod`` tells how near
-    it is where the fibres keep their stiffness and the segments have factors of their own.
+    It is exact where one factor scales all that is elastic in the arm; ``softarm bench rod`` measures its
+    error where the fibres keep their stiffness and the segments have factors of their own.
     """
     from_station = np.array([specimen.section(name).frame_origin_m for name in rod.chain.sections])
     from_station[:, 2] -= rod.chain.heights[rod.chain.section_station]

@@ -54,10 +54,10 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class HeldOutReport:
-    """What a check found.
+    """The errors of a rod in a check.
 
     Args:
-        trained: Under forces and moments on the sections, as in the fit, at inputs that it has not seen.
+        trained: Under forces and moments on the sections, as in the fit, at other inputs.
         untrained: Under lateral forces at heights at which no load acted in the fit.
     """
 
@@ -74,7 +74,7 @@ def check_rod(
     progress: Progress | None = None,
     executor: Executor | None = None,
 ) -> HeldOutReport:
-    """Compare a rod with its finite-element model along rays that the fit has not seen.
+    """Compare a rod with its finite-element model along rays that the fit did not use.
 
     ``plan`` has a seed of its own, so that no ray is one of the fit; see ``fit_rod`` for the others.
     """
@@ -172,7 +172,7 @@ def _force_errors(
 def find_forces(
     rod: CalibratedRod, inputs: Inputs, frames: Frames, unknown: Sequence[int], scale: Floats
 ) -> Floats | None:
-    """Find some loads from the sections' orientations by Gauss-Newton, all else known.
+    """Estimate some loads from the sections' orientations by Gauss-Newton, all else known.
 
     Args:
         rod: The rod.

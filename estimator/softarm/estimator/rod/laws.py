@@ -2,7 +2,7 @@
 
 With x = (wrench / (scale E), pressures / (scale E), 1 / E - 1), E the link's stiffness factor, the six
 strains are y = sum_k c_k x_a x_b x_c x_d over a table of variables per term, variable 0 standing for the
-constant 1. The last variable stands for what does not scale with E: winding and rigid sections.
+constant 1. The last variable stands for the stiffness that does not scale with E: winding and rigid sections.
 """
 
 from itertools import combinations_with_replacement
@@ -38,8 +38,8 @@ def term_table(
         scaled: Whether monomials up to the second degree change with the stiffness factor.
 
     Returns:
-        Variables of each term, the constant 0, wrench 1 to 6, then pressures and what tells the stiffness
-        factor; shape (terms, 4).
+        Variables of each term, the constant 0, wrench 1 to 6, then pressures and the variable of the
+        stiffness factor; shape (terms, 4).
     """
     forces, pushes = range(1, wrench + 1), range(wrench + 1, wrench + pressures + 1)
     terms = {c for k in range(1, total + 1) for c in combinations_with_replacement([*forces, *pushes], k)}

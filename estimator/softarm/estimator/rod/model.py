@@ -55,7 +55,7 @@ class RodStep:
 class CalibratedRod:
     """A Cosserat rod whose link laws were fitted to a finite-element model; implements ``ArmModel``.
 
-    Every state it gives is in equilibrium. Its state is the array of strains, shape (links, 6).
+    Every state it returns is in equilibrium. Its state is the array of strains, shape (links, 6).
 
     Args:
         chain: Rest geometry.
@@ -73,7 +73,7 @@ class CalibratedRod:
 
     @property
     def sections(self) -> tuple[str, ...]:
-        """Names of the sections whose frames it gives."""
+        """Names of the sections whose frames it predicts."""
         return self.chain.sections
 
     @property
@@ -201,7 +201,7 @@ class CalibratedRod:
             self._work(self.rest()), strains, places, rotations, twists, counts,
         )  # fmt: skip
         by_link = twists[..., columns : columns + links]
-        # The chain rule turns a derivative by the factor into one by its logarithm.
+        # The chain rule converts a derivative by the factor into one by its logarithm.
         by_region = by_link @ (self._membership * self.factors) if jacobians else by_link
         return ArmResponse(
             Frames(places, rotations @ self.chain.section_rotation),
@@ -221,7 +221,7 @@ class CalibratedRod:
         for k in range(1, steps + 1):
             part = k / steps
             here = Inputs(part * inputs.pressures, part * inputs.loads, part * inputs.gravity)
-            # `advance` knows no gravity; the solve at the new inputs brings in its share.
+            # `advance` ignores gravity; the solve at the new inputs adds its share.
             step = self.linearise(self.advance(step, vector / steps), here)
             if step.residual_norm > 0.0:
                 return step.strain, False

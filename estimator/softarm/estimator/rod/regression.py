@@ -29,7 +29,7 @@ class Form:
         mixed: Degrees in the wrench and in the pressures of more families of terms.
         scaled: Whether terms up to the second degree change with the stiffness factor.
         slope_weight: Weight of a derivative against a value, both over their typical size.
-        ridge: Share of the mean curvature that is added against terms that the samples do not tell apart.
+        ridge: Share of the mean curvature that is added against terms that the samples do not separate.
     """
 
     total: int = 3
@@ -154,7 +154,7 @@ def _fit_link(
     width = variables.shape[1]
     rows = trust[:, None] * features(table, variables)
     normal, right = rows.T @ rows, rows.T @ (trust[:, None] * strains)
-    # Derivatives count beside values: they tell the law between the rays, where no state was solved.
+    # Derivatives count beside values: they determine the law between the rays, where no state was solved.
     weights = form.slope_weight * _moderated(slopes) * trust[:, None]
     for column in range(slopes.shape[-1]):
         weight = weights[:, column, None]

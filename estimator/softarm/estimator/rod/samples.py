@@ -22,8 +22,8 @@ Progress = Callable[[int, int], None]
 
 STANDARD_GRAVITY = 9.80665
 TOLERANCE = 1e-8
-"""Out-of-balance force over the applied force at which a sample is taken."""
-# An equilibrium that takes more lies too far ahead on the ray.
+"""Out-of-balance force over the applied force at which a sample counts as an equilibrium."""
+# An equilibrium that needs more lies too far ahead on the ray.
 NEWTON_STEPS = 9
 FIRST = 0.25
 """First step along a ray, over the largest: at rest the arm is at its softest."""
@@ -140,27 +140,27 @@ def rest_twists(model: FiniteElementModel, stations: Stations) -> Floats:
 
 
 def load_scale(specimen: Specimen, model: FiniteElementModel, stations: Stations, rotation: float) -> Floats:
-    """Compute the size of each load that would turn some station by a rotation [rad], were the arm linear.
+    """Compute the size of each load that would rotate some station by an angle [rad], were the arm linear.
 
-    An axial force gets the size of the lateral ones of its section. Near the clamp it takes a large force to
-    turn the arm at all: no force is larger than the largest of those on the sections.
+    An axial force gets the size of the lateral ones of its section. Near the clamp only a large force rotates
+    the arm at all: no force is larger than the largest of those on the sections.
     """
-    scale = _turning_loads(rest_twists(model, stations), model, rotation)
+    scale = _rotating_loads(rest_twists(model, stations), model, rotation)
     forces = [load.kind == "force" for load in model.loads]
     on_sections = model.with_loads(sampling_loads(specimen))
-    whole = _turning_loads(rest_twists(on_sections, stations), on_sections, rotation)
+    whole = _rotating_loads(rest_twists(on_sections, stations), on_sections, rotation)
     top = max(s for s, load in zip(whole, on_sections.loads, strict=True) if load.kind == "force")
     return np.where(forces, np.minimum(scale, top), scale)
 
 
-def _turning_loads(twists: Floats, model: FiniteElementModel, rotation: float) -> Floats:
+def _rotating_loads(twists: Floats, model: FiniteElementModel, rotation: float) -> Floats:
     """Compute the size of each load that rotates some station by an angle, from twists per unit of it."""
-    turning = np.linalg.norm(twists[:, 3:, model.chambers :], axis=1).max(axis=0)
+    rotation_per_load = np.linalg.norm(twists[:, 3:, model.chambers :], axis=1).max(axis=0)
     for k, load in enumerate(model.loads):
         if load.kind == "force" and load.direction[2] == 1.0:
-            # An axial force hardly turns anything; the load before it is the lateral one along y.
-            turning[k] = turning[k - 1]
-    size: Floats = rotation / turning
+            # An axial force hardly rotates anything; the load before it is the lateral one along y.
+            rotation_per_load[k] = rotation_per_load[k - 1]
+    size: Floats = rotation / rotation_per_load
     return size
 
 
@@ -230,7 +230,7 @@ def _follow(
     at_rest = model.linearise(model.rest(), none)
     assert at_rest.factor is not None
     frames = stations.poses(body.points, at_rest.input_fields())
-    scale = _turning_loads(frames[2], model, 1.0)
+    scale = _rotating_loads(frames[2], model, 1.0)
     yield none.pressures, none.loads, none.gravity, *frames, factors, np.array(1.0)
     here = Waypoint(0.0, rest, _velocity(model, at_rest.balance, at_rest.factor, ray))
     step, failures = FIRST * plan.step, 0

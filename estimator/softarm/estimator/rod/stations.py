@@ -63,7 +63,7 @@ def cut(specimen: Specimen, model: FiniteElementModel, links_per_segment: int = 
     for section in moving:
         height = 0.5 * (section.from_m + section.to_m)
         origin = np.array([0.0, 0.0, height])
-        # The section's own nodes seen from the axis; where its frame lies in it is the specimen's
+        # The section's own nodes relative to the axis; where its frame lies in it is the specimen's
         # (`adapted`).
         places[height] = replace(model.frames[section.name], origin=origin, rotation=np.eye(3))
     for segment in specimen.segments:

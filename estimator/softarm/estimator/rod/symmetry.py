@@ -14,7 +14,7 @@ from softarm.estimator.specimen import Chamber, Specimen
 
 @dataclass(frozen=True)
 class Symmetry:
-    """A turn or mirror that takes the arm to itself.
+    """A rotation or reflection that maps the arm to itself.
 
     Args:
         vectors: What it does to forces and displacements, shape (3, 3).
@@ -28,16 +28,16 @@ class Symmetry:
 
 
 def candidates(specimen: Specimen) -> tuple[Symmetry, ...]:
-    """List the turns about z, with and without a mirror, that take chambers to chambers.
+    """List the rotations about z, with and without a reflection, that map chambers to chambers.
 
     The mirror's plane holds the axis and the first chamber, or the x axis where there is none.
     """
     start = specimen.chambers[0].azimuth_rad if specimen.chambers else 0.0
-    mirror = _turn(start) @ np.diag([1.0, -1.0, 1.0]) @ _turn(-start)
+    mirror = _rotation_about_z(start) @ np.diag([1.0, -1.0, 1.0]) @ _rotation_about_z(-start)
     symmetries = []
-    # Twelfths of a turn hold the symmetries of 2, 3, 4 and 6 chambers.
+    # Twelfths of a circle hold the symmetries of 2, 3, 4 and 6 chambers.
     for fold, mirrored in product(range(12), (False, True)):
-        vectors = _turn(np.pi * fold / 6) @ (mirror if mirrored else np.eye(3))
+        vectors = _rotation_about_z(np.pi * fold / 6) @ (mirror if mirrored else np.eye(3))
         moved = [_image(chamber, specimen.chambers, vectors) for chamber in specimen.chambers]
         if None not in moved:
             chambers = np.array(moved, dtype=np.int64).reshape(-1)
@@ -89,7 +89,7 @@ def variable_map(symmetry: Symmetry, chambers: Indices, scale: Floats) -> Floats
         scale: Unit of each variable, shape (6 + width,).
 
     Returns:
-        The map, or ``None`` where it takes a chamber around the link to one elsewhere.
+        The map, or ``None`` where it maps a chamber around the link to one elsewhere.
     """
     width = len(chambers)
     moved = symmetry.chambers[chambers] if width else np.zeros(0, dtype=np.int64)
@@ -120,13 +120,13 @@ def feature_map(table: Indices, variables: Floats) -> Floats:
     return np.asarray(solution.T, dtype=np.float64)
 
 
-def _turn(angle: float) -> Floats:
+def _rotation_about_z(angle: float) -> Floats:
     cosine, sine = np.cos(angle), np.sin(angle)
     return np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _image(chamber: Chamber, chambers: Sequence[Chamber], vectors: Floats) -> int | None:
-    """Find the chamber that lies where a chamber is taken to."""
+    """Find the chamber at the place to which a chamber is mapped."""
     direction = vectors @ np.array([np.cos(chamber.azimuth_rad), np.sin(chamber.azimuth_rad), 0.0])
     for other in chambers:
         there = np.array([np.cos(other.azimuth_rad), np.sin(other.azimuth_rad), 0.0])

@@ -58,18 +58,18 @@ def point_motion(strain: Floats, rotation: Floats, share: float, arm: Floats, mo
         arm: Point less near station [m], shape (3,).
         motion: Filled, shape (6, 3).
     """
-    part, turn, jacobian = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty((1, 3, 3))
+    part, chord_rotation, jacobian = np.empty((1, 3)), np.empty((1, 3, 3)), np.empty((1, 3, 3))
     spin = np.empty(3)
     for k in range(3):
         part[0, k] = 0.5 * share * strain[k]
-    exp_kernel(part, turn)
+    exp_kernel(part, chord_rotation)
     jacobian_kernel(part, jacobian)
     for c in range(3):
         rotate(rotation, jacobian[0, :, c], spin)
         cross(spin, arm, motion[c])
-        rotate(rotation, turn[0, :, c], motion[3 + c])
+        rotate(rotation, chord_rotation[0, :, c], motion[3 + c])
         for k in range(3):
-            # Up to its share s the link turns by s theta, its chord by half of that.
+            # Up to its share s the link rotates by s theta, its chord by half of that.
             motion[c, k] *= 0.5 * share
             motion[3 + c, k] *= share
 
@@ -131,7 +131,8 @@ def wrench_jacobian(
     """Fill the derivative of all wrenches by all strains.
 
     A strain of link j moves all beyond it as a rigid body. Nearer links feel the change of the moment of the
-    moved actions, the same for all; farther ones turn with their actions; the link itself does both in part.
+    moved actions, the same for all; farther ones rotate with their actions; the link itself does both in
+    part.
 
     Args:
         positions: Stations [m], shape (links + 1, 3).
@@ -139,14 +140,14 @@ def wrench_jacobian(
         beyond: Sums over the actions beyond each link, shape (links, 15).
         motions: Motion by each strain, as of ``link_motion``, shape (links, 6, 12).
         inner: Change of moment by actions inside each link, shape (links, 6, 3).
-        parts: Change of wrench by turning those actions, as of ``rotated_parts``, shape (links, 6, 3).
+        parts: Change of wrench by rotating those actions, as of ``rotated_parts``, shape (links, 6, 3).
         jacobian: Filled, shape (6 links, 6 links).
     """
     links = len(middles)
     change = np.empty(3)
     rotated = np.empty((links, 6, 3))
     jacobian.fill(0.0)
-    # Link 0 is turned by no other link.
+    # No other link rotates link 0.
     for i in range(1, links):
         _rotated_whole(positions, middles, beyond, i, rotated[i])
         for r in range(6):
@@ -187,7 +188,7 @@ def _same_link(
     column: int,
     jacobian: Floats,
 ) -> None:
-    """Fill the derivative of a link's wrench by its own strain: R_mid turns, all beyond moves."""
+    """Fill the derivative of a link's wrench by its own strain: R_mid rotates, all beyond moves."""
     arm, moment, local, rotated = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     total, spin = beyond[j, 0:3], motion[6:9]
     cross(total, spin, rotated)
@@ -202,7 +203,7 @@ def _same_link(
 
 @njit(cache=True, nogil=True)
 def _add_rotation(rotated: Floats, spin: Floats, i: int, column: int, jacobian: Floats) -> None:
-    """Add the change of link i's wrench by a turn, shape (3,), to a column of the jacobian."""
+    """Add the change of link i's wrench by a rotation, shape (3,), to a column of the jacobian."""
     for r in range(6):
         change = rotated[r, 0] * spin[0] + rotated[r, 1] * spin[1] + rotated[r, 2] * spin[2]
         jacobian[6 * i + r, column] += change
@@ -210,7 +211,7 @@ def _add_rotation(rotated: Floats, spin: Floats, i: int, column: int, jacobian: 
 
 @njit(cache=True, nogil=True)
 def _rotated_whole(positions: Floats, middles: Floats, beyond: Floats, i: int, rotated: Floats) -> None:
-    """Fill the change of a link's wrench per unit turn w of it and all beyond: sum (w x r) x F - w x M."""
+    """Fill the change of a link's wrench per rotation w of it and all beyond: sum (w x r) x F - w x M."""
     arm, moment, spin, change = np.empty(3), np.empty(3), np.zeros(3), np.empty(3)
     total = beyond[i, 0:3]
     _moment_about_middle(positions, beyond, i, arm, moment)
@@ -231,7 +232,7 @@ def _rotated_whole(positions: Floats, middles: Floats, beyond: Floats, i: int, r
 
 @njit(cache=True, nogil=True)
 def rotated_parts(middles: Floats, actions: Actions, drive: ChainInputs, parts: Floats) -> None:
-    """Fill what a unit turn changes of the wrench that actions inside each link add, shape (links, 6, 3)."""
+    """Fill the change, per unit rotation, of the wrench by actions inside each link, shape (links, 6, 3)."""
     force, couple, column, spin = np.empty(3), np.empty(3), np.empty(6), np.zeros(3)
     parts.fill(0.0)
     for a in range(len(actions.link)):

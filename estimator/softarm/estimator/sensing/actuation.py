@@ -12,16 +12,16 @@ PASSES = 20
 INVERTED_PA = 1e-9
 """Error of the inverse [Pa] at which the passes end."""
 LEAST_SLOPE = 0.1
-"""Of a gain; beyond the turning point of a falling curve the inverse goes on along a line."""
+"""Of a gain; beyond the maximum of a falling curve the inverse continues along a line."""
 
 
 @dataclass(frozen=True)
 class ActuationMap:
     """Chamber pressure = gain * (1 + curve * m + quadratic_gain * m^2) * m + bias + crosstalk @ measured.
 
-    Here m is the chamber's own measured gauge pressure. The curves are what the winding gives way: the area
-    that the pressure pushes on grows with it. Cross-talk is also how a chamber that lies a little beside its
-    drawing appears.
+    Here m is the chamber's own measured gauge pressure. The curves describe how the winding yields: the area
+    that the pressure pushes on grows with it. A chamber that lies a little beside its drawing also appears as
+    cross-talk.
 
     Args:
         gain: Gain of each chamber at zero pressure, shape (chambers,).

@@ -15,7 +15,7 @@ MIRROR = np.diag([1.0, -1.0])
 
 @dataclass(frozen=True)
 class Bend:
-    """Tilt of a section's z axis seen in the frame of another section: theta (cos phi, sin phi).
+    """Tilt of a section's z axis in the frame of another section: theta (cos phi, sin phi).
 
     With U the rotation of the reference and R that of the section, u and m the misalignments of what is
     mounted on them: d = (U exp(u))^T R exp(m) e_z, theta = angle(d, e_z), b = theta (d_x, d_y) / sin(theta).
@@ -26,7 +26,7 @@ class Bend:
         name: Name in reports.
         section: Index of the section.
         sigma: Standard deviation of each angle [rad], one number or shape (2,).
-        reference: Index of the section whose frame the tilt is seen in; ``None`` is the clamp.
+        reference: Index of the section in whose frame the tilt is measured; ``None`` is the clamp.
         in_plane: Rotation of the recorded axes about the reference's z axis [rad].
         reference_tilt: Misalignment u of the body on the reference about its x and y axes [rad], shape (2,).
         section_tilt: Misalignment m of the body on the section about its x and y axes [rad], shape (2,).
@@ -90,7 +90,7 @@ class Bend:
         direction = self._direction(frames)
         shape = self.scale[:, None] * self._frame() @ bend_jacobian(direction)
         reference = section_rotation(frames, self.reference) @ exp(_axes(self.reference_tilt))
-        # A rotation vector w of the section turns d by U^T (w x U d), one of the reference by its opposite.
+        # A rotation vector w of the section changes d by U^T (w x U d), one of the reference by its opposite.
         rotated = shape @ -skew(direction) @ transpose(reference)
         rows = np.concatenate([np.zeros_like(rotated), rotated], axis=-1)
         twists = twist_rows(frames, self.section, rows)
@@ -110,9 +110,9 @@ class Bend:
         reference, section = _axes(self.reference_tilt), _axes(self.section_tilt)
         right = left_jacobian(-reference)
         rows[..., 1:3] = (shape @ skew(direction) @ right)[..., :2]
-        turned = transpose(self._reference(frames)) @ section_rotation(frames, self.section)
+        relative = transpose(self._reference(frames)) @ section_rotation(frames, self.section)
         left = -skew(exp(section)[:, 2]) @ left_jacobian(section)
-        rows[..., 3:5] = (shape @ turned @ left)[..., :2]
+        rows[..., 3:5] = (shape @ relative @ left)[..., :2]
         rows[..., 0, 5] = unscaled[..., 0]
         rows[..., 1, 6] = unscaled[..., 1]
         rows[..., 0, 7] = rows[..., 1, 8] = 1.0
@@ -160,7 +160,7 @@ def _ratio(direction: Floats) -> tuple[Floats, Floats]:
     """Return theta / sin(theta) and (sin cos - theta) / sin^3, by series near zero."""
     sine = np.hypot(direction[..., 0], direction[..., 1])
     angle = np.arctan2(sine, direction[..., 2])
-    # Near zero alone: at half a turn the ratio grows without bound indeed.
+    # Near zero alone: near pi the ratio does grow without bound.
     small = (sine < 1e-3) & (direction[..., 2] > 0)
     safe = np.where(small, 1.0, sine)
     ratio = np.where(small, 1.0 + sine**2 / 6.0, angle / safe)

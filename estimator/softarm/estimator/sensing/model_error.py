@@ -23,7 +23,7 @@ ON = " on "
 UNPULLED_ERROR = 0.05
 """Relative error of a force on a section of which no calibration states the error.
 
-A calibration by pulls at the tip takes shear for bending; half way up that is wrong. Of the deflection of an
+A calibration by pulls at the tip fits shear as bending; half way up that is wrong. Of the deflection of an
 incompressible round cantilever of diameter d and length L, 0.625 (d / L)^2 is shear (S. P. Timoshenko, Phil.
 Mag. 41, 1921): a twentieth for segments three to four diameters long.
 """
@@ -47,14 +47,14 @@ class Condition:
     relative_errors: Mapping[str, float] = field(default_factory=dict)
 
     def force_ratio(self, section: str | None) -> float:
-        """Return the ratio on a section; the largest known, and no less than 1, where none is."""
+        """Return the ratio on a section, or the largest of all, and no less than 1, where it has none."""
         return self.force_ratios.get(section or "", max((1.0, *self.force_ratios.values())))
 
     def load_ratio(self, load: Load) -> float:
         """Return the ratio of a load on its section.
 
         Pulls show that of lateral forces. Axial forces and moments show in other readings, where pulls of
-        cords hardly say how the model errs: their deviation is no less than the scatter makes it.
+        cords hardly show how the model errs: their deviation is no less than the scatter makes it.
         """
         ratio = self.force_ratio(load.section)
         lateral = load.kind == "force" and abs(load.direction[2]) < np.hypot(*load.direction[:2])

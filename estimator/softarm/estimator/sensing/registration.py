@@ -73,7 +73,7 @@ def register(
     spread = np.linalg.svd(expected - centre, compute_uv=False)
     if spread[1] < 1e-3 * spread[0]:
         raise InputError(source, "they lie on one line", "move one of them off it")
-    # The rotation takes the second factor, in the laboratory, to the first, in the base frame.
+    # The rotation maps the second factor, in the laboratory, to the first, in the base frame.
     rotation = nearest_rotation((expected - centre).T @ (measured - measured_centre))
     jacobians = np.concatenate([np.tile(np.eye(3), (len(expected), 1, 1)), -skew(expected)], axis=-1)
     information = np.einsum("nij,nik->jk", jacobians, jacobians) / sigma**2

@@ -19,7 +19,7 @@ from softarm.estimator.sensing.section_pose import MeasuredPose
 
 @dataclass(frozen=True)
 class Observation:
-    """What the present sensors say at one instant, rows of absent ones left out.
+    """What the present sensors report at one instant, rows of absent ones left out.
 
     Args:
         innovation: Measured minus predicted, shape (rows,).
@@ -172,7 +172,7 @@ class SensorSuite:
         Args:
             frames: What they look at.
             readings: Stacked readings, shape (readings,).
-            own_noise: What ``own_noise`` gives for them, where it is known already.
+            own_noise: The result of ``own_noise`` for them, where it is computed already.
         """
         whole = self.sensitivity(frames, readings)
         covariance = self.own_noise(readings) if own_noise is None else own_noise
@@ -211,7 +211,7 @@ class SensorSuite:
 
     @cached_property
     def base_recorded(self) -> bool:
-        """Whether the recorded base tells where the laboratory is."""
+        """Whether the recorded base determines where the laboratory is."""
         registrations = [m.registration for m in self.measurements if m.registration is not None]
         return any(not np.array_equal(one.rotation, np.eye(3)) for one in registrations)
 

@@ -51,7 +51,7 @@ def with_segments(response: ArmResponse, model: BatchArmModel, segments: Segment
 
     Args:
         response: The model's response, in the frame of its base.
-        model: The model; its loads are ``section_loads`` where it takes no eigenstrains.
+        model: The model; its loads are ``section_loads`` where it has no eigenstrains among its inputs.
         segments: The segments between its sections.
     """
     response = replace(response, strains=segments.strains(response.frames))
@@ -123,7 +123,7 @@ class SimulatedArm:
         return eigenstrains
 
     def _coupled(self, drive: Drive, near: ArmResponse | None) -> Floats:
-        """Return the sections' wrenches by couples, and by eigenstrains where the model takes none."""
+        """Return the sections' wrenches by couples, and by eigenstrains that are no input of the model."""
         strained = not self.model.takes_eigenstrains and bool(np.any(drive.eigenstrains))
         if not np.any(drive.couples) and not strained:
             return np.zeros_like(drive.wrenches)

@@ -1,4 +1,4 @@
-"""How segments yield to their own couples in every pose, and what eigenstrains make of the sections."""
+"""How segments yield to their own couples in every pose, and how eigenstrains move the sections."""
 
 import numpy as np
 

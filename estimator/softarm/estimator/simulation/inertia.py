@@ -8,7 +8,7 @@ D = a M + b K (J. W. Strutt, The Theory of Sound, 1877). Steps in time are those
 Mech. Div. ASCE 85, 1959) with constant average acceleration, which neither damp nor diverge.
 
 On a compliant base its rotations r about x and y are two more coordinates. With C the compliance, G what a
-rotation changes of q_s, since gravity turns in the base frame, and k the moment of the weights about the
+rotation changes of q_s, since gravity rotates in the base frame, and k the moment of the weights about the
 base by r at constant strains, the potential is
 
     V = (q - q_s)^T K (q - q_s) / 2 - (q - q_s)^T K G r + r^T (1 / C + k) r / 2.
@@ -38,7 +38,7 @@ PAUSE = 1.0
 GYRATION = 0.01
 """Radius of gyration of a rigid section about its axes [m]."""
 ARC_MIDDLE = 0.25
-"""Share of the lower end's displacement that the middle of a bending arc takes part in."""
+"""Displacement of the middle of a bending arc over that of its lower end."""
 USUAL = 0.1
 """Mass of a segment that nobody weighed [kg]."""
 
@@ -77,7 +77,7 @@ class StrainDynamics:
         drag: Damping beside that in proportion to M and K, of the same shape; ``None`` for none.
         damped: K in proportion to which it damps, of the same shape; ``None`` for that of ``stiffness``.
         rocking: Columns of the mass matrix for rotations of the base about x and y, behind those of the
-            strains, shape (samples, strains + 2, 2); ``None`` where they are not known.
+            strains, shape (samples, strains + 2, 2); ``None`` where they are unknown.
     """
 
     stiffness: Floats
@@ -99,8 +99,8 @@ class StrainDynamics:
         """Reduce the arm to its strains in every pose."""
         frames = response.frames
         samples, sections = frames.positions.shape[:2]
-        turned, stiffness, stable = strain_stiffness(response, segments)
-        by_strain = (turned @ stiffness).reshape(samples, sections, 6, -1)
+        twist_by_couple, stiffness, stable = strain_stiffness(response, segments)
+        by_strain = (twist_by_couple @ stiffness).reshape(samples, sections, 6, -1)
         rubber = replace(masses, sections=np.zeros_like(masses.sections))
         soft = mass_matrix(frames, segments.neighbours, rubber, by_strain)
         whole = _mass_on_a_base(frames, segments.neighbours, masses, by_strain)
@@ -123,7 +123,7 @@ class StrainDynamics:
         """Return the matrices of an arm with other masses.
 
         Args:
-            ratio: Factor on the segments' masses: the density of rubber is known less well than what was
+            ratio: Factor on the segments' masses: the density of rubber is less certain than what was
                 made in one piece and weighed.
             added: To the sections [kg], shape (sections,).
         """
@@ -230,9 +230,9 @@ class VibratingArm:
     @cached_property
     def _delayed(self) -> tuple[Indices, Indices, Floats]:
         """Known samples before and after what drives the arm at each sample, and the share of the later."""
-        found, wanted = np.flatnonzero(self.known), self.clock - self.delay
-        after = np.clip(np.searchsorted(self.clock[found], wanted), 1, max(len(found) - 1, 1))
-        before, after = found[after - 1], found[np.minimum(after, len(found) - 1)]
+        valid, wanted = np.flatnonzero(self.known), self.clock - self.delay
+        after = np.clip(np.searchsorted(self.clock[valid], wanted), 1, max(len(valid) - 1, 1))
+        before, after = valid[after - 1], valid[np.minimum(after, len(valid) - 1)]
         wide = np.maximum(self.clock[after] - self.clock[before], 1e-12)
         share = np.clip((wanted - self.clock[before]) / wide, 0.0, 1.0)
         return before, after, share
@@ -264,7 +264,7 @@ class VibratingArm:
 
 
 def strain_stiffness(response: ArmResponse, segments: Segments) -> tuple[Floats, Floats, Flags]:
-    """Return what the couples of all segments move, and the stiffness against them, in every pose.
+    """Return how the segments' couples move the sections, and the stiffness against them, in every pose.
 
     Returns:
         Derivative of the sections' twists by the couples, shape (samples, 6 sections, strains); K, shape
@@ -274,10 +274,10 @@ def strain_stiffness(response: ArmResponse, segments: Segments) -> tuple[Floats,
     samples, sections = response.frames.positions.shape[:2]
     rows = segments.rows(response.frames).reshape(samples, -1, 6 * sections)
     stable = _stable(rows @ response.load_jacobian @ np.swapaxes(rows, 1, 2), response.converged)
-    turned = _filled(response.load_jacobian, stable) @ np.swapaxes(rows, 1, 2)
-    compliance = rows @ turned
+    twist_by_couple = _filled(response.load_jacobian, stable) @ np.swapaxes(rows, 1, 2)
+    compliance = rows @ twist_by_couple
     stiffness = np.linalg.inv(0.5 * (compliance + np.swapaxes(compliance, 1, 2)))
-    return turned, np.asarray(stiffness, dtype=np.float64), stable
+    return twist_by_couple, np.asarray(stiffness, dtype=np.float64), stable
 
 
 def _stable(compliance: Floats, converged: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -392,8 +392,8 @@ def _integrated(
     clock: Floats, edges: Floats, steps: NDArray[np.int64], spring: Floats, drag: Floats, still: Floats
 ) -> Floats:
     columns = np.ascontiguousarray(still.reshape(*still.shape[:2], -1))
-    found: Floats = _newmark(clock, edges, steps, spring, drag, columns)
-    return found.reshape(still.shape)
+    integrated: Floats = _newmark(clock, edges, steps, spring, drag, columns)
+    return integrated.reshape(still.shape)
 
 
 @njit(cache=True, nogil=True)

@@ -48,7 +48,7 @@ class LinearisedArm:
         return self.segments.rows(self.baseline.frames)
 
     def _elastic(self, drive: Drive) -> Floats:
-        """Return the twists by deformation; a turned base turns gravity and wrenches the other way."""
+        """Return the twists by deformation; a rotated base rotates gravity and wrenches the other way."""
         base, response = self.drive, self.baseline
         # Parts of the drive that are those of the baseline change nothing, and most calls change one part.
         wrenches: Floats = (drive.wrenches - base.wrenches).reshape(base.samples, -1)
@@ -68,7 +68,7 @@ class LinearisedArm:
         return twists
 
     def rigid(self, drive: Drive) -> Floats:
-        """Return the twists by the turn of the base about the origin."""
+        """Return the twists by the rotation of the base about the origin."""
         places = self.baseline.frames.positions
         if drive.base_rotation is self.drive.base_rotation:
             return np.zeros((len(places), 6 * places.shape[1]))

@@ -25,7 +25,7 @@ def neighbours_of(specimen: Specimen, sections: tuple[str, ...]) -> Neighbours:
     """Find the sections on either side of each segment.
 
     Raises:
-        InputError: If no section that the model gives lies below a segment.
+        InputError: If no section of the model lies below a segment.
     """
     neighbours = []
     for part in specimen.segments:
@@ -39,7 +39,7 @@ def neighbours_of(specimen: Specimen, sections: tuple[str, ...]) -> Neighbours:
 
 @dataclass(frozen=True)
 class Segments:
-    """The segments between the sections whose frames a model gives.
+    """The segments between the sections whose frames a model predicts.
 
     Args:
         names: Names of the segments, base to tip.
@@ -58,7 +58,7 @@ class Segments:
         """Find the sections on either side of each segment.
 
         Raises:
-            InputError: If no section that the model gives lies below a segment.
+            InputError: If no section of the model lies below a segment.
         """
         above, below = zip(*neighbours_of(specimen, sections), strict=True)
         return cls(tuple(part.name for part in specimen.segments), above, below, rest)
@@ -102,18 +102,18 @@ class Segments:
         upper, lower, chord = self._ends(frames)
         inward = np.swapaxes(upper, -1, -2)
         theta = log(inward @ lower)
-        turning = inverse_left_jacobian(theta) @ inward
+        log_jacobian = inverse_left_jacobian(theta) @ inward
         beta = np.hypot(theta[..., 0], theta[..., 1])
         swell, over_beta = arc_over_chord(beta)
         length = np.linalg.norm(chord, axis=-1)
         along = chord * (swell / length)[..., None]
-        bend = (length * over_beta)[..., None, None] * theta[..., None, :2] @ turning[..., :2, :]
+        bend = (length * over_beta)[..., None, None] * theta[..., None, :2] @ log_jacobian[..., :2, :]
         sections = self.rest.positions.shape[-2]
         rows = np.zeros((*theta.shape[:-1], 4, sections, 6))
         for g, (a, b) in enumerate(zip(self.above, self.below, strict=True)):
             for section, sign in ((a, -1.0), (b, 1.0)):
                 if section >= 0:
-                    rows[..., g, :3, section, 3:] += sign * turning[..., g, :, :]
+                    rows[..., g, :3, section, 3:] += sign * log_jacobian[..., g, :, :]
                     rows[..., g, 3, section, 3:] += sign * bend[..., g, 0, :]
                     rows[..., g, 3, section, :3] += sign * along[..., g, :]
         return rows.reshape(*theta.shape[:-1], 4, 6 * sections)

@@ -52,7 +52,7 @@ class Section(Entry):
     frame_origin_m: Vector
     """Origin of its frame at rest, in the base frame."""
     frame_quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
-    """Rest orientation (w, x, y, z) of its frame: takes section axes to base axes."""
+    """Rest orientation (w, x, y, z) of its frame: rotates section axes to base axes."""
 
 
 class Chamber(Entry):

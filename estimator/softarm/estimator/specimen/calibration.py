@@ -1,4 +1,4 @@
-"""What calibration found: how the arm, its actuators and its sensors differ from the description."""
+"""The result of calibration: how the arm, its actuators and its sensors differ from the description."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ class ChamberCalibration(Entry):
     bias_pa: Value = ZERO
     """Pressure added after the gain."""
     curve_per_pa: Value = ZERO
-    """Relative growth of the gain with the pressure [1/Pa]: what the winding gives way."""
+    """Relative growth of the gain with the pressure [1/Pa], as the winding yields."""
     quadratic_gain_per_pa2: Value = ZERO
     """Relative growth of the gain with the square of the pressure [1/Pa2]."""
     crosstalk: tuple[Finite, ...] = ()
@@ -101,20 +101,20 @@ class Calibration(Entry):
     """Alignment of each section's recorded pose."""
 
     def scale(self, region: str) -> float:
-        """Return the factor on the stiffness of a segment or section; 1 where none was found."""
+        """Return the factor on the stiffness of a segment or section; 1 where none was calibrated."""
         return self.modulus_scale.get(region, UNIT).value
 
     def chamber(self, index: int) -> ChamberCalibration:
-        """Return what was found for a chamber, or a unit gain without bias."""
+        """Return the calibration of a chamber, or a unit gain without bias."""
         entries = (entry for entry in self.chambers if entry.index == index)
         return next(entries, ChamberCalibration(index=index))
 
     def bend(self, section: str) -> BendCalibration:
-        """Return what was found for a section's bend, or no alignment and no bias."""
+        """Return the calibration of a section's bend, or no alignment and no bias."""
         entries = (entry for entry in self.bends if entry.section == section)
         return next(entries, BendCalibration(section=section))
 
     def frame(self, section: str) -> FrameCalibration:
-        """Return what was found for a section's pose, or no misalignment."""
+        """Return the calibration of a section's pose, or no misalignment."""
         entries = (entry for entry in self.frames if entry.section == section)
         return next(entries, FrameCalibration(section=section))

@@ -250,7 +250,7 @@ def _geometry(specimen: "Specimen") -> Iterator[Inconsistency]:
 
 
 def _even(azimuths: Sequence[float]) -> bool:
-    """Return whether azimuths [rad], in any order, divide a whole turn evenly."""
+    """Return whether azimuths [rad], in any order, divide a full circle evenly."""
     spacing = math.tau / len(azimuths)
     places = [(azimuth - azimuths[0]) / spacing for azimuth in azimuths]
     close = all(abs(place - round(place)) * spacing <= AZIMUTH_TOLERANCE_RAD for place in places)

@@ -7,7 +7,7 @@ from pydantic import BaseModel, ConfigDict, Field
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Angle = Annotated[float, Field(ge=-math.tau, le=math.tau, allow_inf_nan=False)]
-"""In radians: what lies beyond a whole turn was meant in degrees."""
+"""In radians: a value beyond a full circle was meant in degrees."""
 Positive = Annotated[float, Field(gt=0.0, allow_inf_nan=False)]
 NotNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 Vector = tuple[Finite, Finite, Finite]
@@ -17,7 +17,7 @@ Name = Annotated[str, Field(min_length=1, pattern=NAME)]
 
 
 class Entry(BaseModel):
-    """A table of the file: immutable, and closed to keys that it does not know."""
+    """A table of the file: immutable, and closed to unknown keys."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", use_attribute_docstrings=True)
 

@@ -127,12 +127,12 @@ class MeshFile(Entry):
     origin_m: Vector = (0.0, 0.0, 0.0)
     """Where the mesh's origin lies in the base frame."""
     quaternion: Quaternion = (1.0, 0.0, 0.0, 0.0)
-    """Rotation (w, x, y, z) that takes the mesh's axes to those of the base frame."""
+    """Rotation (w, x, y, z) from the mesh's axes to those of the base frame."""
     regions: dict[Name, str] = Field(default_factory=dict)
     """Group of each segment and section; left out, the elements' heights decide."""
     chamber_surfaces: dict[str, str] = Field(default_factory=dict)
     """Group of facets of each chamber's wall, by the chamber's index; left out, the closed inner surfaces are
-    given to the chambers by height and azimuth."""
+    assigned to the chambers by height and azimuth."""
     clamp: str | None = None
     """Group of the held nodes; left out, the heights of ``[clamp]`` decide."""
 

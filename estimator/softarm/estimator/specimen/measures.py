@@ -1,4 +1,4 @@
-"""Specimens from the measures that one takes of an arm with a ruler, a scale and a data sheet."""
+"""Specimens from what a user measures with a ruler and a scale, and from the material's data sheet."""
 
 import math
 from collections.abc import Sequence

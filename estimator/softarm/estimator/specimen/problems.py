@@ -34,7 +34,7 @@ TYPES = {
 
 
 class SpecimenError(InputError):
-    """Several errors in one specimen, told in one line.
+    """Several errors in one specimen, reported in one line.
 
     Args:
         file: The specimen's file.
@@ -51,7 +51,7 @@ class SpecimenError(InputError):
 
 
 def describe_errors(file: str, error: ValidationError, model: type[BaseModel]) -> InputError:
-    """Turn a validation error into one that names file, field, value, limit and cure."""
+    """Convert a validation error into one that names file, field, value, limit and cure."""
     entries = [dict(entry) for entry in error.errors()]
     problems = tuple(
         problem
@@ -190,7 +190,7 @@ def _tagged(annotation: Any, step: Any) -> type[BaseModel] | None:
 
 
 def _below(annotation: Any, step: Any) -> Any:
-    """Return the annotation of what lies at one step below."""
+    """Return the annotation of the item one step below."""
     for option in _options(annotation):
         table = _table(option)
         if table is not None:

@@ -1,4 +1,4 @@
-"""All that the model knows of one robot."""
+"""The whole description of one robot."""
 
 from collections.abc import Collection
 from pathlib import Path

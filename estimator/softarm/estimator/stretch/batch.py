@@ -20,7 +20,7 @@ class StretchedBatch(BatchModelWrapper):
     """A model whose pressures follow the stretch of their chambers; implements ``BatchArmModel``.
 
     Args:
-        model: The model, which knows nothing of the stretch.
+        model: The model, without stretch.
         law: The stretch of each chamber, and its effective pressure under it.
     """
 
@@ -67,7 +67,7 @@ class StretchedBatch(BatchModelWrapper):
         return move, following
 
     def _followed(self, inner: ArmResponse, move: Floats, following: Floats) -> ArmResponse:
-        twists = move.reshape(len(move), move.shape[1] // 6, 6)  # -1 is not known of no samples
+        twists = move.reshape(len(move), move.shape[1] // 6, 6)  # numpy cannot infer -1 without samples
         positions = inner.frames.positions + twists[..., :3]
         frames = Frames(positions, exp(twists[..., 3:]) @ inner.frames.rotations)
         input_jacobian = following @ inner.input_jacobian

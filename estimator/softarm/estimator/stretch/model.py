@@ -1,6 +1,6 @@
 """A model whose effective pressures grow with the stretch of their chambers.
 
-With p the pressures on unstretched chambers, s(x) the stretches and g the gain, the wrapped model is given
+With p the pressures on unstretched chambers, s(x) the stretches and g the gain, the wrapped model receives
 P = p (1 + g s). With C and D its section twists per unit of pressures and loads, d its Newton step at
 unchanged inputs and E the rows of s, the stretches move by z = E (d + C dP + D dl), where
 dP = (1 + g s) dp + g p (z + q), q being the stretches at the frames less those that P was made with.
@@ -118,7 +118,7 @@ def _follow(
     """
     chambers, inputs = columns.shape
     kept, inverse = np.eye(chambers), np.empty((chambers, chambers))
-    right, found = np.empty((chambers, inputs + 1)), np.empty((chambers, inputs + 1))
+    right, solution = np.empty((chambers, inputs + 1)), np.empty((chambers, inputs + 1))
     lacking, applied = 0.0, 0.0
     for r in range(chambers):
         lacking += (gain * pressures[r] * (stretches[r] - made_with[r])) ** 2
@@ -132,12 +132,12 @@ def _follow(
             kept[r, c] -= columns[r, c] * push
             right[r, inputs] += columns[r, c] * push * (stretches[c] - made_with[c])
     invert(kept, inverse)
-    product(inverse, right, found)
+    product(inverse, right, solution)
     for r in range(chambers):
         push = gain * pressures[r]
-        still[r] = push * (found[r, inputs] + stretches[r] - made_with[r])
+        still[r] = push * (solution[r, inputs] + stretches[r] - made_with[r])
         for c in range(inputs):
-            moved[r, c] = push * found[r, c]
+            moved[r, c] = push * solution[r, c]
         moved[r, r] += 1.0 + gain * stretches[r]
     return math.sqrt(lacking) / max(math.sqrt(applied), LEAST_PA)
 
@@ -175,7 +175,7 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
     Its states are those of the wrapped model.
 
     Args:
-        model: The model of the arm; it gives the ``section_frames`` of any state.
+        model: The model of the arm; it has the ``section_frames`` of any state.
         law: The stretch of its chambers and the effective pressures it makes.
     """
 
@@ -208,7 +208,7 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
         return self.model.advance(step.step, step.inner(change))
 
     def solve(self, inputs: Inputs, start: State) -> tuple[State, bool]:
-        """Find the equilibrium under fixed inputs; the flag tells whether it converged."""
+        """Find the equilibrium under fixed inputs; the flag is true when it converged."""
         effective = replace(inputs, pressures=self.law.effective(inputs.pressures, np.zeros(self.chambers)))
         state, converged = self.model.solve(effective, start)
         unchanged = np.zeros(self.chambers + len(self.loads))
@@ -221,7 +221,7 @@ class StretchedModel(ModelWrapper, Generic[State, Step]):
 
 
 def stretched(model: ArmModel[State, Step], specimen: Specimen) -> ArmModel[State, Any]:
-    """Let a model's pressures follow the stretch, where the specimen's calibration says so."""
+    """Let a model's pressures follow the stretch, where the specimen's calibration has its effect."""
     if not specimen.calibration.stretch_gain.value:
         return model
     return StretchedModel(model, StretchLaw.of(specimen, tuple(model.sections)))

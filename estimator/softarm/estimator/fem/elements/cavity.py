@@ -135,8 +135,8 @@ def cavity_volumes(  # noqa: C901 (one loop nest, compiled)
         for t in range(triples.shape[0]):
             c = coefficients[t]
             # det is cyclic: each node of the triple takes the first place once.
-            for turn in range(3):
-                a, b, d = triples[t, turn], triples[t, (turn + 1) % 3], triples[t, (turn + 2) % 3]
+            for shift in range(3):
+                a, b, d = triples[t, shift], triples[t, (shift + 1) % 3], triples[t, (shift + 2) % 3]
                 slope[a, 0] += c * (x[b, 1] * x[d, 2] - x[b, 2] * x[d, 1])
                 slope[a, 1] += c * (x[b, 2] * x[d, 0] - x[b, 0] * x[d, 2])
                 slope[a, 2] += c * (x[b, 0] * x[d, 1] - x[b, 1] * x[d, 0])

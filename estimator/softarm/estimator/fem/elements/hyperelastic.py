@@ -230,7 +230,7 @@ def _batches(
 ) -> Batches:
     """Group elements by lanes; the last one fills up what is left over, with nodes -1 - n."""
     element, padding = lane_groups(len(connectivity), LANES)
-    # -1 - n still tells the node to read from, and by its sign that nothing is added there.
+    # -1 - n still encodes the node to read from; its sign marks that nothing is added there.
     nodes = np.where(padding[:, None], -1 - connectivity[element], connectivity[element])
 
     def grouped(values: Floats) -> Floats:

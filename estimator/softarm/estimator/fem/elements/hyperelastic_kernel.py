@@ -101,12 +101,12 @@ def _left(right: int, terms: int, left: int) -> None:
     The record holds 4c f + m h, m f + s h, t h and u G with the terms u, 4c, m, s, t at address ``terms``.
     """
     unit, curving, mixed = load(terms), load(terms + STEP), load(terms + 2 * STEP)
-    straight, turned = load(terms + 3 * STEP), load(terms + 4 * STEP)
+    straight, transposed = load(terms + 3 * STEP), load(terms + 4 * STEP)
     for i in range(3):
         f, h = load(right + i * STEP), load(right + (3 + i) * STEP)
         store(left + i * STEP, fma(curving, f, multiply(mixed, h)))
         store(left + (3 + i) * STEP, fma(mixed, f, multiply(straight, h)))
-        store(left + (6 + i) * STEP, multiply(turned, h))
+        store(left + (6 + i) * STEP, multiply(transposed, h))
         store(left + (9 + i) * STEP, multiply(unit, load(right + (6 + i) * STEP)))
 
 
@@ -372,7 +372,7 @@ def solid_forces(
         _fill_mean_slopes(right, slope, stiffening, mean_slope)
         for n in range(nodes):
             first, x_n = mean_slope[n].ctypes.data, left[n].ctypes.data
-            # Half of the pairs; the slots say which of the two ways round is stored.
+            # Half of the pairs; the slots determine which of the two orders is stored.
             for m in range(n, nodes):
                 held = multiply(load(scale.ctypes.data), load(hourglass[e, n, m].ctypes.data))
                 store(stiffness.ctypes.data, held)

@@ -58,7 +58,7 @@ def _call_address(context: Any, address: Any, arguments: Any) -> Any:  # noqa: A
         kind = ir.FunctionType(ir.VoidType(), [pointer] * count)
         function = builder.inttoptr(values[0], kind.as_pointer())
         builder.call(function, [builder.inttoptr(number, pointer) for number in numbers])
-        # What numba takes for None.
+        # What numba passes for None.
         return ir.Constant(ir.IntType(8).as_pointer(), None)
 
     return signature, generate
@@ -191,7 +191,7 @@ def solve_rows(
     right: NDArray[np.float64],
     ints: NDArray[np.int32],
 ) -> None:
-    """Solve A x = b by LU factors; ``numpy.linalg.solve`` would take ten seconds to compile.
+    """Solve A x = b by LU factors; compiling ``numpy.linalg.solve`` would take ten seconds.
 
     Args:
         blas: Addresses.

@@ -132,9 +132,9 @@ def solve_fronts(  # noqa: C901 (one loop nest, compiled)
     count = right.shape[0]
     fronts = pivots.shape[0]
     for sweep in range(2):
-        for turn in range(fronts):
+        for visit in range(fronts):
             # Forwards children come before their parent, backwards after it.
-            s = turn if sweep == 0 else fronts - 1 - turn
+            s = visit if sweep == 0 else fronts - 1 - visit
             width, border = size * pivots[s], size * borders[s]
             height = width + border
             nodes = rows[row_start[s] : row_start[s + 1]]

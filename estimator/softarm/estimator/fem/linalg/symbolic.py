@@ -11,7 +11,7 @@ from softarm.estimator.fem.linalg.pattern import Pattern
 
 @dataclass(frozen=True)
 class SymbolicFactorisation:
-    """Dense fronts, children before parents; all indices count blocks unless they say dofs.
+    """Dense fronts, children before parents; all indices count blocks unless they are called dofs.
 
     Front s eliminates ``pivots[s]`` nodes and updates ``borders[s]`` others. Its panel holds the columns of
     the factor, (pivots + borders) by pivots; its update matrix is borders by borders; both are column-major

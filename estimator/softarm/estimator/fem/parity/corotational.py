@@ -34,7 +34,7 @@ class Tetrahedra:
         rest: Rest positions of the corners less that of the first [m], shape (elements, 4, 3).
         stiffness: Linear stiffness for a unit scale [N/m], shape (elements, 12, 12).
         frame: Rule of the frame: 0 none, 1 first three nodes, 2 or 3 polar, shape (elements,).
-        fit: Coefficients c of the matrix sum_a x_a c_a^T that the polar rules take, shape (elements, 4, 3).
+        fit: Coefficients c of the matrix sum_a x_a c_a^T of the polar rules, shape (elements, 4, 3).
         rest_frame: Frame at rest, shape (elements, 3, 3).
         volume: Rest volume [m3], shape (elements,).
         region: Region of each element, shape (elements,).
@@ -136,7 +136,7 @@ def build_tetrahedra(points: Floats, block: ElementBlock, materials: tuple[Mater
     gradients = np.concatenate([-inverse.sum(axis=1, keepdims=True), inverse], axis=1)
     region = np.array(block.region, dtype=np.int64)
     frame = np.array([FRAME_CODES[material.law] for material in materials])[region]
-    # SOFA's "polar" takes the rotation of the edges, the other polar rule that of the deformation gradient.
+    # SOFA's "polar" uses the rotation of the edges, the other polar rule that of the deformation gradient.
     unit_edges = np.vstack([-np.ones(3), np.eye(3)])
     fit = np.where((frame == EDGE_POLAR)[:, None, None], unit_edges, gradients)
     connectivity = np.array(block.connectivity, dtype=np.int64)
@@ -188,8 +188,8 @@ def _spins(corners: Floats, frames: Floats, stretches: Floats, rules: Indices, f
     along, across, normal = np.moveaxis(frames[edges], 2, 0)
     length, height = _norm(first)[:, None], np.vecdot(second, across)[:, None, None]
     lean = np.vecdot(second, along)[:, None, None] / height
-    # The third node turns the frame about its first edge; the second also tilts that edge. A translation
-    # turns nothing, from which follows the first node's part.
+    # The third node rotates the frame about its first edge; the second also tilts that edge. A translation
+    # rotates nothing, from which follows the first node's part.
     about_first = along[:, :, None] * normal[:, None]
     tilt = normal[:, :, None] * across[:, None] - across[:, :, None] * normal[:, None]
     spins[edges, 1] = (tilt - lean * about_first) / length

@@ -180,6 +180,6 @@ class EquilibriumPath:
         return min(1.0, reach / max(longest_move(self._here.velocity), 1e-300))
 
     def _end(self, displacement: Floats, status: SolveStatus) -> Solution[Floats]:
-        # Against the target, wherever the walk ended: it tells how far that is from what was asked for.
+        # Against the target, wherever the walk ended: it measures how far that is from the target.
         norm = self._balancer(displacement, self._target, False).norm
         return Solution(displacement, status, self._spent, norm)

@@ -17,7 +17,7 @@ GROWTH_LIMIT = 1e6
 POOR = 0.7
 """Contraction of the residual that counts as poor; three of them in a row end an iteration."""
 SADDLE = 1e-5
-"""Residual below which an equilibrium is at hand; it is left when it is unstable."""
+"""Residual below which an equilibrium is near; the solve leaves it when it is unstable."""
 TILT = 0.1
 """Largest displacement of a node when leaving it, over that of a step."""
 SHIFTS = 10.0 ** np.arange(-8, 4)
@@ -181,7 +181,7 @@ def take_step(
         return displacement
     step = step * min(1.0, reach / max(longest, 1e-300))
     deformation = body.rotation_strain.deformation(displacement)
-    # Where no halving helps the shortest step is taken: the next residual then tells that it is invalid.
+    # Where no halving helps the shortest step is taken: the next evaluation then shows that it is invalid.
     for halving in range(8):
         after = body.rotation_strain.moved(displacement, deformation, step * 0.5**halving)
         if balancer(after, inputs, False).evaluation.valid:

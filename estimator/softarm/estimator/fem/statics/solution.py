@@ -23,7 +23,7 @@ class SolveStatus(Enum):
 
 @dataclass(frozen=True)
 class Solution(Generic[Value]):
-    """What a solve found.
+    """The result of a solve.
 
     Args:
         value: The last iterate; an equilibrium only when ``status`` is ``CONVERGED``.

@@ -19,7 +19,7 @@ from softarm.estimator.wrapper import ModelWrapper
 
 
 class BackgroundFactorisation(Background[tuple[Floats, Inputs], FrozenTangent | None]):
-    """Factors the latest configuration that was asked for; the kernels run without the interpreter's lock.
+    """Factors the latest requested configuration; the kernels run without the interpreter's lock.
 
     Args:
         model: Model whose tangent is factored.
@@ -161,7 +161,7 @@ class TrackingStep:
             # Poisson problem is solved for them.
             moments = self.tracking.moments_of_divergence @ divergence
             drift = self.poses.twists_of_moments(moments[None])[0]
-        # Sensitivities were taken with the factor; each section's turn with it from there.
+        # Sensitivities were computed with the factor; those of each section have rotated with it since.
         since = self.frames.rotations @ self.tangent.sections.transpose(0, 2, 1)
         motion = self.tangent.motion.reshape(sections, 2, 3, -1)
         return drift, np.einsum("sij,stjr->stir", since, motion).reshape(6 * sections, -1)

@@ -1,7 +1,7 @@
 """Kernels that carry displacements between configurations; ``fem.rotation_strain`` has the plain path.
 
-Eight elements go through together, one per lane, in single precision: what that leaves out of a step is out
-of balance at the next residual. Nodal values enter less those of the element's first node, so that a small
+Eight elements go through together, one per lane, in single precision; its error in a step appears in the
+next residual. Nodal values enter less those of the element's first node, so that a small
 strain does not drown in the motion of the whole. Matrices stand at addresses, nine rows of lanes each. The
 address of a local array is taken inside the loop that uses it: Numba frees an array after the last mention of
 its name, and an address is none.

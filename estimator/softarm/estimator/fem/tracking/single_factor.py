@@ -69,7 +69,7 @@ def _forward(panel: Singles, height: int, width: int, x: Floats) -> None:
 
 @reassociated
 def _backward(panel: Singles, height: int, width: int, x: Floats) -> None:
-    """Solve with the transposed lower triangle of a front, the rows below being known."""
+    """Solve with the transposed lower triangle of a front, the rows below being solved."""
     last = width
     while last > 0:
         # Blocks of four are counted from the first column, as forwards, so that an odd one comes first here.
@@ -123,9 +123,9 @@ def substitute_fronts(
     ``SymbolicFactorisation``.
     """
     fronts = pivots.shape[0]
-    for turn in range(2 * fronts):
-        ahead = turn < fronts
-        s = turn if ahead else 2 * fronts - 1 - turn
+    for visit in range(2 * fronts):
+        ahead = visit < fronts
+        s = visit if ahead else 2 * fronts - 1 - visit
         width, height = size * pivots[s], size * (pivots[s] + borders[s])
         nodes = rows[row_start[s] : row_start[s + 1]]
         panel = factor[panel_start[s] : panel_start[s + 1]]
