@@ -180,7 +180,7 @@ class HeldReading:
     ("pose", "bend", "gauge"),
     places=("sensor",),
     length=EffectParameter("s", 20.0, 5.0, 60.0),
-    start=EffectParameter("s", 20.0, 10.0, 60.0),
+    start=EffectParameter("s", 20.0, 10.0, 25.0),  # so that a run of 40 s shows it
 )
 def sensor_stuck(signal: str, where: Where, numbers: Numbers) -> Filter:  # noqa: ARG001
     """Make the filter of one sensor: stuck for ``length`` from ``start``.
