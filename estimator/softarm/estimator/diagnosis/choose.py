@@ -49,7 +49,8 @@ TRIED = 4
 """Best of them that may be accepted."""
 LEAST_BIC = 10.0
 """Gain in the criterion from which evidence is very strong (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995)
-773). In 127 unchanged arms of two simulators one effect, seen in a single pose, came to it and held on folds."""
+773). Of 127 unchanged arms of two simulators one had an effect, in a single pose, that came to it and held.
+"""
 SECOND = 0.5
 """Share of an accepted effect's gain that decides for another one so."""
 DELAY_SHARE = 0.05
