@@ -11,7 +11,7 @@ from acceptance.proof.trial import chosen
 from softarm.bench.trials.folders import Answer, Concealment
 from softarm.bench.trials.outcome import TrialOutcome
 from softarm.bench.trials.score import SAME_SIZE, Score, score
-from softarm.bench.trials.tables import reliability, score_tables, wilson
+from softarm.bench.trials.tables import limits, reliability, score_tables, wilson
 from softarm.estimator.effects import EFFECTS
 
 LAG = Concealment(effect="line_lag", where={"chamber": 2}, size={"time": 0.3})
@@ -132,6 +132,17 @@ def test_a_size_counts_as_inside_by_its_own_deviation():
     honest = scored("single", (LAG,), finding("line_lag", value=0.27, std=0.02, chamber=2)).hits[0]
     assert (sure.inside, honest.inside) == (False, True)
     assert abs(sure.size.deviations) > 2.0 > abs(honest.size.deviations)
+
+
+def test_limits_are_compared_with_what_is_named():
+    hit = scored("single", (LAG,), finding("line_lag", chamber=2)).hits[0]
+    sizes = [(0.4, False), (1.2, True), (1.9, False), (7.0, True)]
+    score_of = scored("single", (LAG,))
+    hits = tuple(replace(hit, over_limit=size, named=right) for size, right in sizes)
+    rows = limits([replace(score_of, hits=hits)]).rows
+    assert [(row["size_over_limit"], row["effects"], row["percent"]) for row in rows] == [
+        ("0 to 0.5", 1, 0.0), ("1 to 2", 2, 50.0), ("2 and more", 1, 100.0),
+    ]  # fmt: skip
 
 
 def test_stated_probabilities_are_compared_with_the_truth():

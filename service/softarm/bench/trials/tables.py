@@ -23,6 +23,7 @@ TEN_MINUTES = 600.0
 ALIKE = "line_leak"
 """Not identifiable: a leak of the fake arm's short lines scales a pressure, as a gain does."""
 BINS = (0.0, 0.5, 0.8, 0.9, 0.95, 0.99, 1.01)
+OVER_LIMIT = (0.0, 0.5, 1.0, 2.0, np.inf)
 IDENTIFIABLE = "identifiable effects named and placed"
 BOTH = "both named and placed"
 SURPLUS = "trials with a surplus name"
@@ -44,6 +45,7 @@ def score_tables(scores: Sequence[Score]) -> tuple[Table, ...]:
         sizes(scores),
         improvement(scores),
         reliability(scores),
+        limits(scores),
         failures(scores),
         cost(scores),
     )
@@ -186,6 +188,31 @@ def improvement(scores: Sequence[Score]) -> Table:
         (
             "Aim: 1.2 times the floor. Noise alone is a floor for sensors; what the model leaves of arms in "
             "which nothing was concealed (null) is one for diagnoses, and the last column is over that.",
+        ),
+    )
+
+
+def limits(scores: Sequence[Score]) -> Table:
+    """Compare the detection limits that reports state with which effects are named."""
+    sized = [(hit.over_limit, hit.right) for s in scores for hit in s.hits if hit.over_limit is not None]
+    rows: list[dict[str, Cell]] = []
+    for low, high in itertools.pairwise(OVER_LIMIT):
+        named = [right for size, right in sized if low <= size < high]
+        if named:
+            rows.append(
+                {
+                    "size_over_limit": f"{low:g} to {high:g}" if np.isfinite(high) else f"{low:g} and more",
+                    "effects": len(named),
+                    "named_and_placed": sum(named),
+                    "percent": 100.0 * float(np.mean(named)),
+                }
+            )
+    return Table(
+        "Detection limits against what was found",
+        rows,
+        (
+            "At its limit an effect should be found in nine of ten recordings. A limit is that of the effect "
+            "alone, also in a pair.",
         ),
     )
 
