@@ -22,7 +22,7 @@ coefficients,
 
 and, for a discrepancy that lasts for a recording, that of the estimates without one recording each
 (jackknife: Miller, Biometrika 61 (1974) 1). Its inverse is the precision that the recordings give, to which
-the prior's is added (Godambe, Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than beforehand.
+the prior's is added (Godambe, Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than its prior.
 """
 
 from collections.abc import Sequence
@@ -217,11 +217,15 @@ def fragments(search: Search, fit: Fit) -> dict[int, float]:
     Returns:
         What each of them gains, by its number.
     """
+    weighed = [
+        number
+        for number, own in enumerate(fit.hypotheses)
+        if any(h.place.sensor in (None, own.place.sensor) for h in fit.hypotheses if h is not own)
+    ]
+    if not weighed:
+        return {}
     problem, found = search.problem(), {}
-    for number, own in enumerate(fit.hypotheses):
-        others = [other for other in fit.hypotheses if other is not own]
-        if not any(other.place.sensor in (None, own.place.sensor) for other in others):
-            continue
+    for number in weighed:
         beside = gain_beside_law_errors(problem, fit, number)
         least = min(search.contribution(fit, number), beside - search.bic_penalty * len(fit.thetas[number]))
         if least < DECIDES:

@@ -248,12 +248,17 @@ def _repeated(recording: Recording, specimen: Specimen) -> list[Still]:
         Still(sensor, axis, members, rows, "while other readings go on")
         for sensor, axis, members in channels
         for rows in _repeats(recording, members)
-        if np.ptp(pressures[rows], axis=0).max(initial=0.0) > ASKED
+        if _pressed(pressures, rows)
         and (
             _noisy(np.delete(recording.stack(members), rows, axis=0))
             or any(_noisy(recording.stack(others)[rows]) for *_, others in channels if others != members)
         )
     ]
+
+
+def _pressed(pressures: Floats, rows: Indices) -> bool:
+    """Return whether a pressure changes by more than ``ASKED`` in some samples."""
+    return bool(np.ptp(pressures[rows], axis=0).max(initial=0.0) > ASKED)
 
 
 def _channels(stream: SampledStream) -> Iterator[tuple[str, str | None, tuple[str, ...]]]:
@@ -346,7 +351,7 @@ def _left_behind(recording: Recording, specimen: Specimen) -> list[Still]:
     for number, (body, values) in enumerate(zip(bodies, moved, strict=True)):
         limits = np.array([QUIET[unit] for unit in body.units])
         for during, seen in _quiet(recording.time, body.values, values, limits):
-            if recording.chambers and np.ptp(pressures[seen], axis=0).max() < ASKED:
+            if recording.chambers and not _pressed(pressures, seen):
                 continue
             above = [other[during, :3] for other in moved[:number]]
             ways = [float(np.nan_to_num(_spread(axis))) for other in above for axis in other.T]
