@@ -275,7 +275,7 @@ def describe(config: DriverConfig, device: Device, tally: CheckTally) -> Examina
 
 
 def _standing(device: Device) -> ConnectionState:
-    """Return the state; between two attempts in vain that is a fault."""
+    """Return the state; between two failed attempts that is a fault."""
     return device.state if device.state in ALIVE or not device.health.failures else ConnectionState.FAULT
 
 

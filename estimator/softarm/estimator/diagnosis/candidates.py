@@ -82,7 +82,7 @@ def plainest_first(field: list[Candidate]) -> list[Candidate]:
 
 
 def surprise(fit: Fit) -> float:
-    """Return how unlikely the sizes of a fit's last effect are beforehand, as a cost."""
+    """Return how unlikely the sizes of a fit's last effect are under their priors, as a cost."""
     sizes = [
         (value / parameter.spread) ** 2
         for parameter, value in zip(

@@ -401,7 +401,7 @@ class Parametrisation:
         return spreads
 
     def penalty(self, values: Floats) -> float:
-        """Return the cost of values beforehand."""
+        """Return the cost of values under their priors."""
         return float((((values - self.centres) / self.spreads)[~self.choices] ** 2).sum())
 
     @property

@@ -29,7 +29,7 @@ MOMENT_SIGMA = 0.1  # N m
 STATUSES = ("converged", "iterations_exhausted", "diverged")
 SHOWN = 6
 PATIENCE_S = 40.0
-"""Seconds of searches in vain, one after the other, after which the rest of a run is left out."""
+"""Seconds of failed searches in a row, after which the rest of a run is left out."""
 
 
 @dataclass
@@ -78,7 +78,7 @@ class Track(Generic[State]):
         status: Index into ``STATUSES``, shape (samples,).
         shown: Index and state of a few samples, for pictures.
         statement: What was estimated from what, and what cannot be seen.
-        given_up: Number of samples at the end that were not tried, after too long a search in vain.
+        given_up: Number of samples at the end that were not tried, after failed searches for too long.
     """
 
     run: CalibrationRun
