@@ -93,7 +93,9 @@ class ExactModel:
             return drive, response
         arm, there = _ObservedArm(self.arm, offset[met]), drive.at(nodes[met])
         wrenches = drive.wrenches.copy()
-        wrenches[nodes[met]] = simulate_with(answering, arm, self.world, there).drive.wrenches
+        begun = response.at(met)
+        simulation = simulate_with(answering, arm, self.world, there, near=begun)
+        wrenches[nodes[met]] = simulation.drive.wrenches
         loaded = replace(drive, wrenches=wrenches)
         return loaded, self.arm.respond(loaded.at(nodes), response, jacobians=False)
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.amounts import Amount
+from softarm.estimator.effects.springs import Springs
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.specimen.physics import EffectName, Place
 
@@ -48,6 +49,7 @@ class Signals:
         strains: Generalised strains of the segments that would be without the effect, shape (samples,
             segments, 4).
         positions: Origins of the sections [m], shape (samples, sections, 3).
+        rotations: Rotations of the sections, shape (samples, sections, 3, 3).
         moment: Moment of all loads about the base [N m], shape (samples, 3).
         reading: Predicted reading of the effect's sensor, shape (samples, size).
     """
@@ -57,6 +59,7 @@ class Signals:
     gravity: Floats
     strains: Floats
     positions: Floats
+    rotations: Floats
     moment: Floats
     reading: Floats
 
@@ -183,6 +186,7 @@ def no_rotation(theta: Floats) -> Floats:  # noqa: ARG001
 
 
 Act = Callable[[Signals, Floats, Spot, Memory], tuple[Floats, Memory]]
+SpringLaw = Callable[[Signals, Floats, Spot], Springs]
 
 
 @dataclass(frozen=True)
@@ -214,7 +218,8 @@ class Effect:
             present, of its place and the highest recorded pressures [Pa].
         driven: Whether it can only show where a chamber at its place was pressurised.
         by_fit: Whether a fit finds it; else the readings themselves show it.
-        responds_to_own_effect: Whether how far it pushes depends on how far it has moved the arm.
+        springs: Gives the springs on one side that it consists of, of signals, parameters and place: how hard
+            they push depends on how far they have moved the arm; ``None`` where it consists of none.
         changes_inertia: Whether it changes mass or support, and with them how the arm vibrates.
         modal: Gives what it does to the slowest mode of the arm, of its parameters.
         stiffness: Gives the factor on the stiffness of the segments at its place along a recording, shape
@@ -244,7 +249,7 @@ class Effect:
     presences: Callable[[Spot, Floats], tuple[Floats, ...]] | None = None
     driven: bool = False
     by_fit: bool = True
-    responds_to_own_effect: bool = False
+    springs: SpringLaw | None = None
     changes_inertia: bool = False
     modal: Callable[[Floats], ModalChange] = no_modal_change
     stiffness: Callable[[Floats, Floats], Floats] | None = None
@@ -253,6 +258,11 @@ class Effect:
     hidden_rotation: Callable[[Floats], Floats] = no_rotation
     hides_reading: bool = False
     shown_by_pressures: bool = False
+
+    @property
+    def responds_to_own_effect(self) -> bool:
+        """Whether how far it pushes depends on how far it has moved the arm."""
+        return self.springs is not None
 
     @property
     def typical(self) -> Floats:

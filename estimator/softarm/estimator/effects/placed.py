@@ -8,6 +8,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Hook, Memory, Signals
+from softarm.estimator.effects.springs import Springs
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.sensing import Measurement
@@ -68,6 +69,11 @@ class PlacedEffect:
         changed, memory = self.effect.act(replace(signals, pressures=inside), self.theta, self.spot, memory)
         return signals.pressures + actuation.to_chamber(changed) - actuation.to_chamber(inside), memory
 
+    def springs(self, signals: Signals) -> Springs:
+        """Return the springs on one side that the effect consists of, of which it must have some."""
+        assert self.effect.springs is not None
+        return self.effect.springs(signals, self.theta, self.spot)
+
     def misread(
         self, signals: Signals, sensor: Measurement, reading: Floats, memory: Memory = ()
     ) -> tuple[Floats, Memory]:
@@ -107,10 +113,12 @@ def signals_of(drive: Drive, world: World, response: ArmResponse | None = None) 
     if response is None:
         strains = np.zeros((samples, len(world.segments), 4))
         positions = np.zeros((samples, len(world.sections), 3))
+        rotations = np.broadcast_to(np.eye(3), (*positions.shape, 3))
     else:
-        strains, positions = response.strains, response.frames.positions
+        strains = response.strains
+        positions, rotations = response.frames.positions, response.frames.rotations
     force = drive.wrenches[..., :3] + world.masses[:, None] * drive.gravity[:, None, :]
     moment = (np.cross(positions, force) + drive.wrenches[..., 3:]).sum(axis=1)
     return Signals(
-        drive.time, drive.pressures, drive.gravity, strains, positions, moment, np.zeros((samples, 0))
+        drive.time, drive.pressures, drive.gravity, strains, positions, rotations, moment, np.zeros((samples, 0))
     )

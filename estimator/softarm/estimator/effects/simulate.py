@@ -1,9 +1,9 @@
 """The arm with effects: effects that shape the drive, those that answer to the response, and the sensors.
 
 A material effect turns the strain u, which the segment would have without it, into eps(u); in the model
-eps - u is a free strain. What depends on the response (couples,
-loads, yielding supports) is found as a fixed point with Aitken's relaxation, sample by sample. Since an
-effect sees the strain without its own share, most need two or three passes, however strong or fast they are.
+eps - u is a free strain. What depends on the response is found as a fixed point, sample by sample: strains,
+loads and rotations of the support with Aitken's relaxation, which needs two or three passes, since an effect
+sees the strain without its own share; walls and cords with the compliance of the arm (``Springs``).
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,8 +12,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.effects.effect import Memory
+from softarm.estimator.effects.effect import Memory, Signals
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
+from softarm.estimator.effects.springs import together
 from softarm.estimator.effects.world import World
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.sensing import SensorSuite
@@ -22,10 +23,13 @@ from softarm.estimator.simulation import Drive, RespondingArm
 ITERATIONS = 40
 TOLERANCE = 1e-7
 """Change of a strain [rad, m], a base rotation [rad] or a wrench [N, N m] that ends the search."""
-FIRST_STEP = {"eigenstrains": 1.0, "wrenches": 1e-4, "base_rotation": 1.0}
-"""Share of the first residual to take: taken whole, a stiff contact would throw the arm off the wall."""
-
 SMALLEST_STEP = 1e-6
+"""Least share of a residual that Aitken's relaxation takes."""
+ANEW = 4
+"""Passes after which the compliance is that of the pose by then."""
+STALLS = 0.7
+SLOWEST = 1.0 / 16.0
+"""Least share of a change of forces that a sample takes whose changes grow: its compliance differs by then."""
 
 
 @dataclass(frozen=True)
@@ -54,6 +58,7 @@ def simulate_with(
     drive: Drive,
     suite: SensorSuite | None = None,
     memories: Sequence[Memory] | None = None,
+    near: ArmResponse | None = None,
 ) -> Simulation:
     """Simulate an arm with effects.
 
@@ -64,6 +69,7 @@ def simulate_with(
         drive: What acts on it without them.
         suite: Sensors whose readings to predict.
         memories: What an earlier stretch left behind, one for each effect.
+        near: A response close by, from which the search begins.
 
     Returns:
         The simulation, with the memories to continue it.
@@ -71,27 +77,83 @@ def simulate_with(
     before = tuple(memories) if memories is not None else ((),) * len(effects)
     after = list(before)
     drive = _shape_drive(effects, world, drive, before, after)
+    springs = [placed for placed in effects if placed.effect.springs]
     base, shares = drive, {k: _no_share(e, drive) for k, e in enumerate(effects) if e.answers}
+    shares = {k: share for k, share in shares.items() if effects[k] not in springs}
     old: dict[int, tuple[Floats, Floats]] = {}
-    response = arm.respond(drive)
-    passes, settled = 1, not shares
+    response = arm.respond(drive, near, jacobians=True)
+    forces = _Forces.none(springs, response, drive)
+    passes, settled = 1, not shares and not springs
     while not settled and passes < ITERATIONS:
         residuals = {}
         for k, share in shares.items():
             wanted, after[k] = _share(effects[k], world, drive, response, share, before[k])
             residuals[k] = wanted - share
-        settled = all(float(np.abs(residual).max(initial=0.0)) < TOLERANCE for residual in residuals.values())
+        balanced = forces.balanced(signals_of(drive, world, response))
+        changes = [*residuals.values(), balanced.wrenches - forces.wrenches]
+        settled = all(float(np.abs(change).max(initial=0.0)) < TOLERANCE for change in changes)
         if settled:
             break
         for k, residual in residuals.items():
-            step = _relaxed(residual, old.get(k), FIRST_STEP[effects[k].field])
+            step = _relaxed(residual, old.get(k))
             old[k] = (residual, step)
             shares[k] = shares[k] + _spread(step, residual) * residual
-        drive = _loaded(base, effects, shares)
-        response = arm.respond(drive, response)
+        forces = balanced
+        loaded = _loaded(base, effects, shares)
+        drive = replace(loaded, wrenches=loaded.wrenches + forces.wrenches)
+        anew = bool(springs) and passes % ANEW == 0
+        response = arm.respond(drive, response, jacobians=True) if anew else arm.respond(drive, response)
+        forces = replace(forces, compliance=response.load_jacobian) if anew else forces
         passes += 1
     readings = _readings(effects, world, drive, response, suite, before, after)
     return Simulation(drive, response, readings, tuple(after), settled)
+
+
+@dataclass(frozen=True)
+class _Forces:
+    """Forces of springs on one side along a drive.
+
+    Args:
+        effects: The walls and cords.
+        compliance: Section twists per unit of each wrench, shape (samples, 6 sections, 6 sections).
+        forces: Of each spring, shape (samples, springs); empty before the first balance.
+        wrenches: Theirs on the sections, shape (samples, sections, 6).
+        change: Largest change of a force in the last balance [N], shape (samples,).
+        share: Of a change that is taken, shape (samples,).
+    """
+
+    effects: Sequence[PlacedEffect]
+    compliance: Floats
+    forces: Floats
+    wrenches: Floats
+    change: Floats
+    share: Floats
+
+    @classmethod
+    def none(cls, effects: Sequence[PlacedEffect], response: ArmResponse, drive: Drive) -> "_Forces":
+        """Begin without forces at a response without them."""
+        samples = drive.samples
+        return cls(
+            effects,
+            response.load_jacobian,
+            np.zeros((samples, 0)),
+            np.zeros_like(drive.wrenches),
+            np.full(samples, np.inf),
+            np.ones(samples),
+        )
+
+    def balanced(self, signals: Signals) -> "_Forces":
+        """Balance the springs where they are in a response to these forces."""
+        if not self.effects:
+            return self
+        springs = together([placed.springs(signals) for placed in self.effects])
+        forces = self.forces if self.forces.size else np.zeros_like(springs.extensions)
+        wanted = springs.balanced(forces, self.compliance)
+        change = np.abs(wanted - forces).max(axis=1)
+        grown = change > STALLS * self.change
+        share = np.where(grown, np.maximum(0.5 * self.share, SLOWEST), np.minimum(2.0 * self.share, 1.0))
+        forces = forces + share[:, None] * (wanted - forces)
+        return replace(self, forces=forces, wrenches=springs.wrenches(forces), change=change, share=share)
 
 
 def advance_with(
@@ -187,10 +249,10 @@ def _spread(step: Floats, residual: Floats) -> Floats:
     return step.reshape(-1, *(1 for _ in residual.shape[1:]))
 
 
-def _relaxed(residual: Floats, old: tuple[Floats, Floats] | None, first: float) -> Floats:
+def _relaxed(residual: Floats, old: tuple[Floats, Floats] | None) -> Floats:
     """Return the share of each sample's residual to take (Aitken), shape (samples,)."""
     if old is None:
-        return np.full(len(residual), first)
+        return np.ones(len(residual))
     before = old[0].reshape(len(residual), -1)
     change = residual.reshape(len(residual), -1) - before
     square = (change**2).sum(axis=1)

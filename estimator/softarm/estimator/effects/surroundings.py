@@ -4,7 +4,8 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals
-from softarm.estimator.effects.world import AROUND, Spot, everywhere, moving_sections
+from softarm.estimator.effects.springs import Springs
+from softarm.estimator.effects.world import AROUND, Spot, everywhere, moving_sections, whole_and_sections
 
 
 def base_compliance(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
@@ -76,17 +77,28 @@ LEAST_CORD = 1e-6
 """Length of a cord [m] below which it has no direction."""
 
 
-def contact_obstacle(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Push a section back from a wall beside it: f = -k max(n . x - d, 0) n.
+def wall_springs(signals: Signals, theta: Floats, spot: Spot) -> Springs:
+    """Push the arm back from a wall beside it: f = -k max(n . x + r - d, 0) n.
 
-    n = (cos a, sin a, 0) points into the wall, d is its distance from the arm's axis at rest.
+    n = (cos a, sin a, 0) points into the wall, d is its distance from the arm's axis at rest. The whole arm
+    touches it with its surface, r from the axis, at some points of its length; a section with its origin.
     """
     stiffness, distance, azimuth = theta
-    normal = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-    depth = np.maximum(signals.positions[:, spot.section] @ normal - distance, 0.0)
-    wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
-    wrenches[:, spot.section, :3] = -stiffness * depth[:, None] * normal
-    return wrenches, memory
+    normal, surface = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]), spot.world.surface
+    if spot.place.section is None:
+        reach = surface.points(signals.positions, signals.rotations) @ normal + surface.radii
+        gradients = surface.gradients(signals.rotations, normal)
+    else:
+        reach = signals.positions[:, spot.section, None] @ normal
+        gradients = np.zeros((len(reach), 1, len(spot.world.sections), 6))
+        gradients[:, 0, spot.section, :3] = normal
+    return Springs(np.full(reach.shape[1], stiffness), reach - distance, gradients)
+
+
+def contact_obstacle(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Return the wrenches of a wall in these poses; see ``wall_springs``."""
+    springs = wall_springs(signals, theta, spot)
+    return springs.wrenches(springs.forces), memory
 
 
 CONTACT_OBSTACLE = Effect(
@@ -99,10 +111,10 @@ CONTACT_OBSTACLE = Effect(
             "azimuth", "rad", 0.0, -3.141592653589793, 3.141592653589793, "shape", "linear", spread=2.0
         ),
     ),
-    places=moving_sections,
+    places=whole_and_sections,
     act=contact_obstacle,
-    statement="An obstacle pushes {where} back: it starts {distance} from the rest position in the "
-    "direction of {azimuth} and has a stiffness of {stiffness}.",
+    statement="An obstacle pushes {where} back: it starts {distance} from the axis at rest in the direction "
+    "of {azimuth} and has a stiffness of {stiffness}.",
     source="Penalty contact with a half space",
     in_healthy_arms=False,
     needs=frozenset({"each_chamber"}),
@@ -111,8 +123,8 @@ CONTACT_OBSTACLE = Effect(
         ("tether_stiffness", "the opposite side of the workspace"),
     ),
     when="pose",
-    shapes=tuple((distance, angle) for distance in (0.01, 0.03, 0.05, 0.07) for angle in AROUND),
-    responds_to_own_effect=True,
+    shapes=tuple((distance, angle) for distance in (0.01, 0.03, 0.05, 0.07, 0.09) for angle in AROUND),
+    springs=wall_springs,
 )
 
 
@@ -152,7 +164,7 @@ EXTERNAL_FORCE = Effect(
 )
 
 
-def tether_stiffness(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+def cord_springs(signals: Signals, theta: Floats, spot: Spot) -> Springs:
     """Pull a section to the point to which a cord or hoses tie it: f = k max(|c| - r - l, 0) c / |c|.
 
     c leads from the section's origin to that point, which lies at the distance r from where the origin is at
@@ -164,10 +176,15 @@ def tether_stiffness(signals: Signals, theta: Floats, spot: Spot, memory: Memory
     tied = spot.world.origins[spot.section] + reach * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
     cord = tied - signals.positions[:, spot.section]
     length = np.maximum(np.linalg.norm(cord, axis=1, keepdims=True), LEAST_CORD)
-    wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
-    pull = stiffness * np.maximum(length - reach - slack, 0.0)
-    wrenches[:, spot.section, :3] = pull * cord / length
-    return wrenches, memory
+    gradients = np.zeros((len(cord), 1, len(spot.world.sections), 6))
+    gradients[:, 0, spot.section, :3] = -cord / length
+    return Springs(np.array([stiffness]), length - reach - slack, gradients)
+
+
+def tether_stiffness(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
+    """Return the wrenches of a cord in these poses; see ``cord_springs``."""
+    springs = cord_springs(signals, theta, spot)
+    return springs.wrenches(springs.forces), memory
 
 
 REACH = 0.5
@@ -196,7 +213,7 @@ TETHER_STIFFNESS = Effect(
     ),
     when="pose",
     shapes=tuple((slack, angle, REACH) for slack in (0.0, 0.02, 0.04) for angle in AROUND),
-    responds_to_own_effect=True,
+    springs=cord_springs,
 )
 
 

@@ -1,11 +1,14 @@
 """The arm as effects see it: names, places of chambers, stiffness of segments."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
+from softarm.estimator.effects.surface import Surface
 from softarm.estimator.errors import InputError
+from softarm.estimator.geometry.outer import outer_radii
 from softarm.estimator.sensing import ActuationMap
 from softarm.estimator.simulation import Segments
 from softarm.estimator.specimen import Specimen
@@ -27,6 +30,7 @@ class World:
             [N/m]; shape (segments, 4), or as matrices in every pose, (samples, segments, 4, 4).
         masses: Weighed masses, gathered at the sections' origins [kg], 0 where unknown; shape (sections,).
         origins: Origins of the sections at rest [m], shape (sections, 3).
+        surface: The surface along the arm.
         pressures_measured: Whether pressures are those of sensors at the chambers, not set-points.
         actuation: From the pressures in the chambers to those that drive the model; ``None`` where they are
             the same.
@@ -41,6 +45,7 @@ class World:
     stiffness: Floats
     masses: Floats
     origins: Floats
+    surface: Surface
     pressures_measured: bool = False
     actuation: ActuationMap | None = None
 
@@ -66,6 +71,7 @@ class World:
             stiffness,
             _masses(specimen, segments, sections),
             segments.rest.positions,
+            Surface.of(segments, specimen.sections[-1].to_m, partial(outer_radii, specimen)),
             pressures_measured,
             actuation,
         )
@@ -194,6 +200,12 @@ def moving_sections(world: World) -> tuple[Place, ...]:
     return tuple(Place(section=name) for name in world.sections if name != "base")
 
 
+def whole_and_sections(world: World) -> tuple[Place, ...]:
+    """The arm as a whole, and each section below a segment."""
+    return (Place(), *moving_sections(world))
+
+
 def sensors(world: World) -> tuple[Place, ...]:
     """Each sensor."""
     return tuple(Place(sensor=name) for name in world.sensors)
+
