@@ -360,7 +360,7 @@ def test_a_terminal_that_stays_busy_is_left_to_its_watchdog_and_asked_again(virt
         await hold(bank, SIX, 0.4)
         terminal.refuses = {23: 6, 16: 6}
         await bank.supervisor.wait_for(ConnectionState.FAULT)
-        assert "takes no set-point" in str(bank.supervisor.error)
+        assert "accepts no set-point" in str(bank.supervisor.error)
         await asyncio.sleep(20)
         assert terminal.setpoints == [0] * 16
         terminal.refuses = {}

@@ -312,8 +312,8 @@ class TestControl:
         ("request_line", "told"),
         [
             (b"{}", "do"),
-            (b"nonsense", "no JSON object"),
-            (b"[1]", "no JSON object"),
+            (b"nonsense", "not a JSON object"),
+            (b"[1]", "not a JSON object"),
             (b'{"do": "explode"}', "explode"),
             (b'{"do": "fault", "device": "qtm"}', "fault"),
             (b'{"do": "fault", "device": "qtn", "fault": "x"}', "did you mean 'qtm'"),

@@ -161,7 +161,7 @@ def _discover(address: str, *, as_json: bool) -> int:
     host, _, port = address.partition(":")
     number = int(port) if port.isdecimal() else 0 if port else discovery.DISCOVERY_PORT
     if not 1 <= number <= 65535:
-        raise click.UsageError(f"the port in {address} is no number from 1 to 65535")
+        raise click.UsageError(f"the port in {address} is not a number from 1 to 65535")
     try:
         hosts = asyncio.run(discovery.discover(host, number))
     except OSError as error:

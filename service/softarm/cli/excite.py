@@ -211,7 +211,8 @@ def _rivals_table(plan: "ExcitationPlan") -> Table:
         for index, pair in enumerate(plan.rivals)
     ]
     notes = (
-        f"Separation: expected difference in chi-square of the two, each fitted anew; {ENOUGH:g} decides.",
+        "Separation: expected difference in chi-square between the two effects, each fitted again; "
+        f"{ENOUGH:g} decides.",
         *(f"These manoeuvres cannot distinguish {pair.name}." for pair in plan.undecided),
     )
     return Table("What the plan decides", rows, notes)

@@ -32,7 +32,7 @@ def new(out: Path, force: bool, as_json: bool) -> int:
     """Ask for the measures of an arm, check them, draw what was understood, and write a specimen.
 
     For hanging arms of one or more soft segments with a rigid section below each: either SoPrA's three
-    tapering lobes, or a cylinder with any number of chambers. For any other body bring a mesh file (kind
+    tapering lobes, or a cylinder with any number of chambers. For any other body use a mesh file (kind
     mesh_file in docs/specimen.md). Measure lengths and radii in millimetres and masses in grams. A picture
     is written beside the specimen. Calibrate it next: softarm calibrate RECORDING --specimen FILE --out FILE.
 
@@ -85,7 +85,7 @@ class Quantity(NamedTuple):
             value = math.nan
         if not self.least <= value <= self.most:
             span = f"{self.least:g} to {self.most:g} {self.unit}"
-            raise click.UsageError(f"{answer!r} is no number from {span}")
+            raise click.UsageError(f"{answer!r} is not a number from {span}")
         # A product with a decimal fraction would write its rounding into the file.
         return round(self.si * value, 9)
 
@@ -106,7 +106,7 @@ def _name(answer: str) -> str:
     from softarm.estimator.specimen.entry import NAME
 
     if not re.match(NAME, answer):
-        raise click.UsageError(f"{answer!r} is no name: use letters, digits and _, a letter first")
+        raise click.UsageError(f"{answer!r} is not a valid name: use letters, digits and _, a letter first")
     return answer
 
 

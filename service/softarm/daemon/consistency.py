@@ -45,9 +45,9 @@ def _unguarded_listeners(config: ServiceConfig) -> Iterator[str]:
         return
     for endpoint in unguarded:
         yield (
-            f"network.listen: {endpoint} lets anybody on the network move the arm; name a file with users or "
-            "client certificates in network.zenoh_config (deploy/zenoh), listen on 127.0.0.1, "
-            "or set network.allow_unauthenticated = true"
+            f"network.listen: {endpoint} lets everybody on the network move the arm; name a file with users "
+            "or client certificates in network.zenoh_config (deploy/zenoh), listen on 127.0.0.1, or set "
+            "network.allow_unauthenticated = true"
         )
 
 

@@ -65,9 +65,9 @@ RUNS: Mapping[str, tuple[str, ...]] = {
 }
 """Runs of the fake arm by name: manoeuvres of its library."""
 
-HANDS = {"taught": "leads sideways", "taught_drawn": "also draws out"}
-"""What the hand does by the name of the run."""
-IN_REACH = "either, poses in reach"
+HAND_MOTIONS = {"taught": "lateral", "taught_drawn": "lateral and axial"}
+"""Direction in which the hand moves the arm, by the name of the run."""
+REACHABLE = "both, reachable poses"
 NODES = 84
 FAILED = " failed: "
 
@@ -256,14 +256,14 @@ def series_of(done: PullTrack) -> Series:
 
 def _teach(bench: SeedBench, result: SeedResult) -> None:
     plan, results = bench.plan, []
-    for name, hand in HANDS.items():
+    for name, motion in HAND_MOTIONS.items():
         done = teach_recorded(bench.recording(name), bench.specimen, plan.folder, bench.arm)
         results.append(done)
-        result.add("teach", done.rows(hand))
-        result.notes.append(done.note(hand))
-    sideways, drawn = results
-    both = sideways.joined(drawn)
-    result.add("teach", both.rows(IN_REACH, both.near))
+        result.add("teach", done.rows(motion))
+        result.notes.append(done.note(motion))
+    lateral, stretched = results
+    both = lateral.joined(stretched)
+    result.add("teach", both.rows(REACHABLE, both.near))
     result.series["teach"] = {
         f"{unit}_{attempt}": errors.tolist()
         for unit, sizes in (("mm", both.millimetres), ("degrees", both.degrees))

@@ -63,11 +63,11 @@ class TeachResult:
         near: Flags = (self.beyond[:, 0] <= TEACH_MM.aim) & (self.beyond[:, 1] <= TEACH_DEGREES.aim)
         return near
 
-    def rows(self, hand: str, which: Flags | None = None) -> list[Cells]:
+    def rows(self, motion: str, which: Flags | None = None) -> list[Cells]:
         """Summarise each attempt, beside the paper and the mean distance of the nearest poses within reach.
 
         Args:
-            hand: What the hand did.
+            motion: Direction in which the hand moved the arm.
             which: Poses that count, shape (poses,); all when left out.
         """
         taken = np.ones(len(self.beyond), dtype=bool) if which is None else which
@@ -78,11 +78,11 @@ class TeachResult:
             label = "pressures of the model" if attempt == 0 else f"after {attempt} corrections by feedback"
             missed = miss_rows(label, millimetres[taken], degrees[taken]) if taken.any() else []
             for row, distance in zip(missed, nearest, strict=False):
-                rows.append({"hand": hand, **row, "nearest_in_reach": distance})
+                rows.append({"hand_motion": motion, **row, "nearest_in_reach": distance})
         return rows
 
     def joined(self, other: "TeachResult") -> "TeachResult":
-        """Join the poses of two hands."""
+        """Join the poses of two runs."""
         return TeachResult(
             np.hstack([self.millimetres, other.millimetres]),
             np.hstack([self.degrees, other.degrees]),
@@ -90,12 +90,13 @@ class TeachResult:
             self.reachable + other.reachable,
         )
 
-    def note(self, hand: str) -> str:
+    def note(self, motion: str) -> str:
         """Return how far the nearest poses within reach are."""
         far = [f"{distance:.1f}" for distance in self.beyond[:, 0] if np.isfinite(distance)]
         return (
-            f"{len(self.beyond)} poses of the hand that {hand}, {self.reachable} within reach to within the "
-            f"sensors' noise; the nearest that pressures reach by the model are {', '.join(far)} mm away."
+            f"{len(self.beyond)} poses with {motion} hand motion, of which {self.reachable} can be reached "
+            "to within the sensors' noise; the nearest poses that pressures reach by the model are "
+            f"{', '.join(far)} mm away."
         )
 
 

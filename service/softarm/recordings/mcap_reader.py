@@ -104,7 +104,7 @@ def read_contents(path: Path) -> Contents:
     if not contents.messages and (contents.torn or contents.lost):
         raise InputError(
             str(path),
-            "is no MCAP file, or was cut off before its first whole chunk",
+            "is not an MCAP file, or was cut off before its first whole chunk",
             "give a file that softarm or another MCAP writer has written",
         )
     return contents

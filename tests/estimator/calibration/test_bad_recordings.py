@@ -215,7 +215,9 @@ def test_motion_without_known_forces_is_refused(
     recording = gauged(np.full(400, 0.5))
     told = {"gauge_section": "tip"}
     run = arrange(Recording("run", recording.time, recording.columns, told), specimen, SECTIONS, LOADS)
-    with pytest.raises(InputError, match=r"never known together; record them at once, with marker_hook"):
+    with pytest.raises(
+        InputError, match=r"never measured at the same time; record them at once, with marker_hook"
+    ):
         judge(NodeByNode(toy()), specimen, [run])
 
 

@@ -221,7 +221,7 @@ class BankSession:
         """
         limit = self._config.watchdog_ms
         if not self._observe and self._clock() - self._taken_ns > limit * NANOSECONDS // 1000:
-            what = f"takes no set-point: {refusal.what}"
+            what = f"accepts no set-point: {refusal.what}"
             raise ConnectionLost(self._device, what, "restart the terminal", limit=limit, unit="ms")
 
     def _miss(self, error: DeviceError) -> None:
@@ -229,7 +229,7 @@ class BankSession:
         self._misses += 1
         self._alarms.outputs(self._unknown)
         if self._misses >= self._config.lost_after_misses:
-            what = f"left {self._misses} requests in a row without a usable answer, the last: {error.what}"
+            what = f"gave no usable answer to {self._misses} requests in a row; the last error: {error.what}"
             raise ConnectionLost(self._device, what, error.cure) from error
 
     def _publish(self, sample: TimedInputs) -> None:

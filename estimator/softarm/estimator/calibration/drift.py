@@ -70,7 +70,7 @@ def check_drift(
     if not shared:
         raise InputError(
             ", ".join(run.name for run in runs),
-            "has no sensor that the calibration knew",
+            "has no sensor that the calibration used",
             f"record one of {', '.join(expected)}",
         )
     count = sum(len(run_nodes.time) for run_nodes in chosen)

@@ -387,5 +387,5 @@ def _known(names: Sequence[str]) -> list[EffectName] | None:
     for name in names:
         if name not in EFFECTS:
             cure = suggest(name, EFFECTS, f"choose among {', '.join(EFFECTS)}")
-            raise InputError("--effect", f"{name!r} is no effect", cure)
+            raise InputError("--effect", f"{name!r} is not a known effect", cure)
     return [effect.name for effect in EFFECTS.values() if effect.name in names] or None
