@@ -80,7 +80,7 @@ def open_session(settings: NetworkSettings) -> zenoh.Session:
         UnreachableError: An endpoint is taken, or nothing answers at it.
     """
     where = str(settings.zenoh_config or "network")
-    for endpoint in open_to_anybody(settings):
+    for endpoint in unauthenticated_endpoints(settings):
         what = f"{endpoint} gives everybody on the network access"
         cure = "add users or client certificates (deploy/zenoh), or allow it by allow_unauthenticated"
         raise SetupError(where, what, cure)
@@ -136,7 +136,7 @@ def credential(path: Path) -> Path:
     return handed if handed.is_file() else path
 
 
-def open_to_anybody(settings: NetworkSettings) -> tuple[str, ...]:
+def unauthenticated_endpoints(settings: NetworkSettings) -> tuple[str, ...]:
     """Return the endpoints beyond this host on which no credentials are asked for.
 
     Raises:

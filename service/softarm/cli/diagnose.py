@@ -139,7 +139,7 @@ def command(
     from softarm.analysis.diagnosis.html import write_html
     from softarm.analysis.diagnosis.motion import write_motions
     from softarm.analysis.diagnosis.report import report_of
-    from softarm.analysis.diagnosis.run import DiagnosisRequest, beside_the_model, improved_specimen, run
+    from softarm.analysis.diagnosis.run import DiagnosisRequest, effects_outside_model, improved_specimen, run
     from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
     from softarm.analysis.offline.inputs import specimen_of_any
@@ -172,7 +172,7 @@ def command(
         say(f"wrote {write_motions(outcome.diagnosis, robot, out)}")
     if write_specimen is not None:
         save_specimen(improved_specimen(robot, outcome), write_specimen)
-        say(f"wrote {write_specimen}{_without(beside_the_model(outcome))}")
+        say(f"wrote {write_specimen}{_without(effects_outside_model(outcome))}")
     if out is not None:
         write_digest(digest, out, write_specimen)
     if as_json:

@@ -286,7 +286,7 @@ def _findings(name: str, device: Device, tally: CheckTally) -> list[DeviceNote]:
         found.append(_of_error(name, health.last_error))
     elif not tally.readings:
         found.append(DeviceNote(name, True, "answers, but sends no reading", "start its measurement"))
-    for alarm in health.alarms.standing:
+    for alarm in health.alarms.active:
         quantity = "" if alarm.value is None else f" ({alarm.value} {alarm.unit}".rstrip() + ")"
         found.append(DeviceNote(name, True, f"{alarm.what}{quantity}", alarm.cure))
     if tally.invalid:

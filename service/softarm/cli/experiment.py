@@ -179,7 +179,7 @@ def _recorded(
 def _live(name: str, settings: "LiveRigSettings", seeds: int | None, *, as_json: bool) -> int:
     from softarm.estimator.calibration import CalibrationRefusedError
     from softarm.estimator.files import write_whole
-    from softarm.experiments.live_tables import Talk, run_live, run_live_arms
+    from softarm.experiments.live_tables import ExperimentInteraction, run_live, run_live_arms
 
     def ask(sentence: str) -> None:
         click.prompt(f"{sentence} Press Enter", default="", show_default=False, err=True)
@@ -188,7 +188,7 @@ def _live(name: str, settings: "LiveRigSettings", seeds: int | None, *, as_json:
         say("starting the simulated instruments and the service; the estimator needs half a minute or more")
     try:
         with progress(f"experiment {name}") as advance:
-            talk = Talk(ask, say, lambda: advance(1))
+            talk = ExperimentInteraction(ask, say, lambda: advance(1))
             if seeds is None:
                 tables, _ = run_live(name, settings, 1, talk)
             else:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softarm.common.real_time import run_first
+from softarm.common.real_time import raise_priority
 from softarm.daemon.config import Setup
 from softarm.daemon.control.command_server import CommandServer
 from softarm.daemon.control.host_watch import HostWatch
@@ -170,7 +170,7 @@ class Service:
         # A later collection of all that has been built would take longer than a tick.
         gc.collect()
         gc.freeze()
-        run_first()  # the estimator and the network's threads have been started and are not real-time
+        raise_priority()  # the estimator and the network's threads have been started and are not real-time
         stopped = asyncio.create_task(self._stopping.wait())
         with Ticker(1.0 / self._setup.config.control.rate_hz) as ticker:
             async for tick in ticker.ticks():

@@ -7,7 +7,7 @@ from softarm.drivers.config import DriverConfig
 from softarm.drivers.valves.config import ValveConfig
 from softarm.estimator.specimen import Specimen
 from softarm_client.errors import SetupError
-from softarm_client.session import open_to_anybody
+from softarm_client.session import unauthenticated_endpoints
 
 TICKS_PER_LIFE = 3
 """What the loop renews must live for so many ticks: one may come late and one be skipped."""
@@ -39,7 +39,7 @@ def misfits(config: ServiceConfig, specimen: Specimen, devices: Sequence[DriverC
 
 def _unguarded_listeners(config: ServiceConfig) -> Iterator[str]:
     try:
-        unguarded = open_to_anybody(config.network)
+        unguarded = unauthenticated_endpoints(config.network)
     except SetupError as error:
         yield f"network.zenoh_config: {error}"
         return

@@ -43,7 +43,7 @@ WAY = "Live over zenoh; figures are of the service's recording, by the service's
 
 
 @dataclass(frozen=True)
-class Talk:
+class ExperimentInteraction:
     """How a live experiment communicates with whoever started it.
 
     Args:
@@ -57,7 +57,9 @@ class Talk:
     advance: Callable[[], None]
 
 
-def run_live_arms(name: str, settings: LiveRigSettings, count: int, talk: Talk) -> tuple[Table, ...]:
+def run_live_arms(
+    name: str, settings: LiveRigSettings, count: int, talk: ExperimentInteraction
+) -> tuple[Table, ...]:
     """Run one experiment on several fake arms, each calibrated first as in a laboratory; join the tables.
 
     Args:
@@ -83,7 +85,7 @@ def run_live_arms(name: str, settings: LiveRigSettings, count: int, talk: Talk) 
 
 
 def run_live(
-    name: str, settings: LiveRigSettings, seed: int, talk: Talk
+    name: str, settings: LiveRigSettings, seed: int, talk: ExperimentInteraction
 ) -> tuple[tuple[Table, ...], SeedResult]:
     """Run one experiment live and return its tables; recordings, plots and JSON go to a folder.
 

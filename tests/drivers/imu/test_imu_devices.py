@@ -96,7 +96,7 @@ def test_the_rate_is_measured_and_a_wrong_one_is_an_alarm() -> None:
     for index in range(150):
         device.receive(rvc(index), index * 2 * PERIOD)
     assert device.rate.rate == pytest.approx(50, rel=0.01)
-    assert device.health.alarms.standing[0].value == 50.0
+    assert device.health.alarms.active[0].value == 50.0
     for index in range(150, 600):
         device.receive(rvc(index), 300 * PERIOD + index * PERIOD)
     assert "rate" not in device.health.alarms

@@ -83,8 +83,8 @@ def test_a_kept_calibration_is_cautioned_about(sopra: Specimen) -> None:
     found = calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=40, iterations=8))
     assert cautions(found) == ()
     short = replace(found, check=replace(found.check, held_out={}), status="iterations_exhausted")
-    unsettled, unchecked = cautions(short)
-    assert "used all its iterations" in unsettled
+    remaining_steps, unchecked = cautions(short)
+    assert "used all its iterations" in remaining_steps
     assert "nothing checks it" in unchecked
     check = Check({"a.0": 9.0}, {"a.0": 1.0}, {"a.0": 5.0}, {"a.0": 1.25}, 3)
     unlike, line = cautions(replace(found, check=check))

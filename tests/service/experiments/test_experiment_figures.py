@@ -267,8 +267,8 @@ def test_poses_of_two_hands_are_joined() -> None:
     assert both.reachable == 2
     np.testing.assert_array_equal(both.millimetres, [[1.0, 5.0, 6.0]])
     np.testing.assert_array_equal(both.near, [True, False, True])
-    assert "3 poses of the hand that leads" in both.note("leads")
-    assert "0.5, 4.0, 0.3 mm away" in both.note("leads")
+    assert "3 poses with lateral hand motion" in both.note("lateral")
+    assert "0.5, 4.0, 0.3 mm away" in both.note("lateral")
 
 
 def test_a_pose_is_as_far_out_of_reach_as_its_section_is() -> None:

@@ -4,7 +4,7 @@ from softarm.page.operator import GRACE_S, Operator, short_of
 from softarm_client.commands import Refused
 from softarm_client.errors import CommandRefusedError
 from softarm_client.modes import Mode
-from softarm_client.results import Asked, Hold, Pose, Saved
+from softarm_client.results import AppliedSetpoint, Hold, Pose, Saved
 
 PRESSURES = (0.0,) * 6
 POSES = {
@@ -30,7 +30,7 @@ class Client:
 
     def _answer(self, verb, mode):
         self.sent.append(verb)
-        return Asked(mode=mode, asked_pa=PRESSURES)
+        return AppliedSetpoint(mode=mode, asked_pa=PRESSURES)
 
     def _held(self, verb, name):
         self.sent.append(verb)

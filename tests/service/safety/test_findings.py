@@ -87,10 +87,10 @@ def test_finding_keeps_its_beginning_and_clears_itself():
     assert cleared == ()
     older = replace(lost, valves=replace(LOST_VALVES, age_s=2.0))
     assert book.update(older, now_ns=10, unix_ns=6) == ((), ())
-    assert [s.since_unix_ns for s in book.standing] == [5]
+    assert [s.since_unix_ns for s in book.active] == [5]
     assert book.update(HEALTHY, now_ns=20, unix_ns=7) == ((), ())
     new, cleared = book.update(HEALTHY, now_ns=111, unix_ns=8)
-    assert (new, [f.code for f in cleared], book.standing) == ((), ["valves_lost"], ())
+    assert (new, [f.code for f in cleared], book.active) == ((), ["valves_lost"], ())
 
 
 @given(st.lists(st.booleans(), min_size=100, max_size=300))
@@ -111,7 +111,7 @@ def test_fault_acts_at_once_and_does_not_linger():
     assert [f.code for f in book.present_faults] == ["stale_sensor"]
     book.update(replace(HEALTHY, mode=Mode.TEACH), 10_000_000, 1)
     assert book.present_faults == ()
-    assert [s.finding.code for s in book.standing] == ["stale_sensor"]
+    assert [s.finding.code for s in book.active] == ["stale_sensor"]
 
 
 NOTHING_YET = replace(

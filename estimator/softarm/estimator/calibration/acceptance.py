@@ -21,7 +21,7 @@ LEAST_PRESSURE_SPREAD = 1.0e3
 """Change of a pressure [Pa] below which a chamber shows nothing of its gain."""
 LEAST_SOLVED = 0.5
 """Share of the nodes with an equilibrium, below which the unit of a pressure or a modulus is wrong."""
-UNSETTLED = 1.0
+LARGEST_REMAINING_STEP = 1.0
 """Standard deviations by which an unknown may still move at the end."""
 WORSE = 1.3
 """Times the old error up to which held-out samples may be predicted, where the old fit used them."""
@@ -60,8 +60,8 @@ def require_excitation(layout: Layout) -> None:
 
 def require_convergence(solution: CalibrationFit, layout: Layout) -> None:
     """Refuse a fit of which an unknown still moves."""
-    moves = solution.unsettled
-    if moves.max(initial=0.0) > UNSETTLED:
+    moves = solution.remaining_steps
+    if moves.max(initial=0.0) > LARGEST_REMAINING_STEP:
         unknown = layout.unknowns[int(np.argmax(moves))]
         raise CalibrationRefusedError(
             "calibration",

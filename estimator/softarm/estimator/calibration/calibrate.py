@@ -19,6 +19,7 @@ from softarm.estimator.calibration.acceptance import (
 from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.fit import CalibrationFit, fit, left_out
 from softarm.estimator.calibration.force_accuracy import force_accuracy
+from softarm.estimator.calibration.force_memory import force_memory_shares
 from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.identifiability import KEPT, fitted, identify, kept
 from softarm.estimator.calibration.layout import Layout, build_layout
@@ -33,7 +34,6 @@ from softarm.estimator.calibration.outcome import Calibrated, Check
 from softarm.estimator.calibration.pulled_moduli import FEWEST_PULLS, by_pull, moduli_from_pulls
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.regression import estimate_lag, fit_line
-from softarm.estimator.calibration.remembered import remembered_shares
 from softarm.estimator.calibration.scatter import rms, scatter_by_condition
 from softarm.estimator.calibration.search import AxesFit, search_axes
 from softarm.estimator.calibration.start import sized_by_bends, solvable, with_bends_kept
@@ -157,7 +157,7 @@ def calibrate(
         scatter=scatter,
         force_ratio={**accuracy.ratios, **vented_pulls.ratios},
         force_error=errors | pulled.unpulled_errors(errors, scatter),
-        force_memory=remembered_shares(setting, final.evaluations, pulls.nodes, scatter),
+        force_memory=force_memory_shares(setting, final.evaluations, pulls.nodes, scatter),
     )
 
 

@@ -68,7 +68,7 @@ REACH = 2.5
 PARTS = 4
 """Parts of a run, each predicted from the others."""
 
-Strayed = tuple[float, float, float, float]
+ClockShift = tuple[float, float, float, float]
 """Lag [s] and log odds of a shift, the next best lag [s] and the log odds against that."""
 
 
@@ -123,7 +123,7 @@ def _mended_shift(
     if shifts is None:
         return recording, ()
 
-    def placed(strayed: Strayed, *names: str) -> Strayed:
+    def placed(strayed: ClockShift, *names: str) -> ClockShift:
         return _placed(recording, specimen, strayed[0], names or shifts.names), *strayed[1:]
 
     whole = shifts.likelihoods.mean(axis=0)
@@ -142,7 +142,7 @@ def _mended_shift(
     return recording, tuple(faults)
 
 
-def _commonest(strayed: Sequence[Strayed]) -> Strayed:
+def _commonest(strayed: Sequence[ClockShift]) -> ClockShift:
     """Return the shift that most of several sensors share; of equally common ones that of the first."""
     return max(strayed, key=lambda one: sum(abs(one[0] - other[0]) < SPREAD for other in strayed))
 
@@ -184,7 +184,7 @@ def _shared(shifts: Shifts, lag: float) -> bool:
     return bool((gains > 0.0).all())
 
 
-def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> Strayed | None:
+def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> ClockShift | None:
     """Find a shift that clearly beats every usual one; prediction chooses it, the fit places it.
 
     In few poses a wrong shift may predict some from the others by chance, but only the right one fits better
@@ -206,7 +206,7 @@ def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> Strayed | No
 
 
 def _mended(
-    recording: Recording, columns: tuple[str, ...], subject: str, strayed: Strayed
+    recording: Recording, columns: tuple[str, ...], subject: str, strayed: ClockShift
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
     lag, gain, other, lead = strayed
     odds = float(np.exp(min(gain, lead, 500.0)))  # beyond that the exponential overflows

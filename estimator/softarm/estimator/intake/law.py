@@ -257,7 +257,7 @@ def stretch_left_out(
     return covariance @ (inverse @ values)[rows], (axes * np.maximum(sizes, 0.0)) @ axes.T + plain
 
 
-def own_noise(inputs: Predictors, variances: Floats) -> Floats:
+def sensor_noise(inputs: Predictors, variances: Floats) -> Floats:
     """Compute the variance of what the law leaves at each sample of weight one, shape (samples,)."""
     scales = dict(zip(PARTS, np.exp(variances), strict=True))
     noise: Floats = scales["noise"] + scales["discrepancy"] + scales["swing"] * inputs.rate**2

@@ -188,9 +188,9 @@ class Estimator(Generic[State, Step]):
         accuracy = self._conditions[self._settings.model_error.at(pressures)]
         problem = self._problem(accuracy, readings, acting, prior, gravity)
         # After a failure not even the last linearisation is trusted: it may be what misled the search.
-        begun = None if self._memory is None or self._failures else self._memory.last
+        warm_start = None if self._memory is None or self._failures else self._memory.last
         start = self._start(problem, guess)
-        estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
+        estimate = problem.solve(self._model, start, self._settings.tolerances, warm_start)
         if estimate.status == "diverged" or not np.isfinite(estimate.vector).all():
             self._failures += 1
             self._solved = None

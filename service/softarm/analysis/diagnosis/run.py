@@ -243,7 +243,7 @@ def improved_specimen(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen
     return specimen.model_copy(update={"physics": (*kept, *entries)})
 
 
-def beside_the_model(outcome: DiagnosisOutcome) -> tuple[str, ...]:
+def effects_outside_model(outcome: DiagnosisOutcome) -> tuple[str, ...]:
     """Name what was found but is no physics of the model: faults of valves, events, unknowns."""
     accepted = {(placed.effect.name, placed.spot.place) for placed in outcome.accepted}
     found = outcome.diagnosis.findings

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Flags, Floats
-from softarm.estimator.augmented import Follower, estimator_of
+from softarm.estimator.augmented import TrackingEstimator, estimator_of
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.dynamics import MovingForces
 from softarm.estimator.errors import InputError
@@ -168,7 +168,7 @@ def track(
 
 
 def begin_near(
-    estimator: Follower[State], waypoints: Waypoints[State], index: int, loads: Sequence[Load]
+    estimator: TrackingEstimator[State], waypoints: Waypoints[State], index: int, loads: Sequence[Load]
 ) -> None:
     """Start an estimator without physics at a waypoint, where there is one."""
     start = waypoints.at(index, loads)
@@ -178,7 +178,7 @@ def begin_near(
 
 def _estimator(
     model: ArmModel[State, Step], specimen: Specimen, run: CalibrationRun, guide: ArmModel[Any, Any] | None
-) -> Follower[State]:
+) -> TrackingEstimator[State]:
     """Make the estimator; physics of the specimen needs the model under the wrenches of its sections."""
     followed = model
     if specimen.physics:

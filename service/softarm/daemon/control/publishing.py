@@ -139,7 +139,7 @@ class Publisher:
                 hint=standing.finding.hint,
                 since_unix_ns=standing.since_unix_ns,
             )
-            for standing in self._health.standing
+            for standing in self._health.active
         ]
 
     @property

@@ -15,24 +15,25 @@ from softarm.estimator.sensing import ActuationMap, SensorSuite
 
 
 @dataclass(frozen=True)
-class HeldArm:
+class HoldSolver:
     """What commands act on: finds the pressures that hold its estimated pose without a hand.
 
     Args:
         suite: The sensors.
         actuation: From measured to chamber pressures.
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
-        unshaped: From the pressures that act in the chambers to those before the specimen's physics.
+        pressures_before_effects: Maps the pressures in the chambers to those before the effects of the
+            specimen's physics.
     """
 
     suite: SensorSuite
     actuation: ActuationMap
     limits: Floats
-    unshaped: Callable[[Floats], Floats]
+    pressures_before_effects: Callable[[Floats], Floats]
 
     def commanded(self, acting: Floats) -> Floats:
         """Return the pressures to command for pressures that are to act in the chambers [Pa]."""
-        return self.actuation.to_measured(self.unshaped(acting))
+        return self.actuation.to_measured(self.pressures_before_effects(acting))
 
     def answer(self, estimate: ArmEstimate[Any], tare: Floats, target: PoseTarget | None) -> HoldAnswer:
         """Find the pressures that would hold the estimated pose, and those towards a target.
