@@ -18,7 +18,7 @@ import click
 import numpy as np
 
 from softarm.analysis.diagnosis.report import Report, read_report
-from softarm.cli.output import say, show
+from softarm.cli.output import notify, show
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Table
 from softarm.estimator.excitation import ChosenManoeuvre, Manoeuvre
@@ -118,14 +118,14 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, lis
     with FakeRig(settings, out / "before") as rig, connect(rig) as client:
         wait_ready(client)
         menu = {m.name: m for m in manoeuvres_of(specimen_of_arm(client))}
-        say("the arm as it was built: recording")
+        notify("the arm as it was built: recording")
         with FakeControl(str(rig.announcement["control"])) as fakes, client.lease():
             built, nominal = watch(client, menu[WATCHED])
             fakes.ask("switch", effect="chamber_gain", value=EFFECT)
-            say("something has changed in it: recording")
+            notify("something has changed in it: recording")
             suspect = _record(client, menu, SUSPECT)
             before, watched = watch(client, menu[WATCHED])
-    say("diagnosing")
+    notify("diagnosing")
     report = diagnose([*suspect, watched], [nominal], specimen, out / "diagnosis")
     improved = RigSettings(
         DEMO_SCENARIO, specimen=str(out / "diagnosis" / SPECIMEN), endpoint=endpoint, sensors=("pose",)
@@ -134,7 +134,7 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, lis
         wait_ready(client)
         with FakeControl(str(rig.announcement["control"])) as fakes, client.lease():
             fakes.ask("switch", effect="chamber_gain", value=EFFECT)
-            say("the same arm on the improved specimen")
+            notify("the same arm on the improved specimen")
             after, _ = watch(client, menu[WATCHED])
     return report, [built, before, after]
 
@@ -155,7 +155,7 @@ def main(out: Path, specimen: str | None, endpoint: str) -> None:
     except CommandRefusedError as refusal:
         raise click.ClickException(f"{refusal}; run it again on a machine that does less") from refusal
     for finding in report.findings:
-        say(finding.statement)
+        notify(finding.statement)
     _, changed, after = watched
     ratio = _median(after.forces) / _median(changed.forces)
     notes = (

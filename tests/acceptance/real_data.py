@@ -22,7 +22,7 @@ from softarm.analysis.offline.alignment import quick_model
 from softarm.analysis.offline.inputs import cut, load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track
-from softarm.cli.output import PATH, json_option, progress, quick_option, say, show
+from softarm.cli.output import PATH, json_option, notify, progress, quick_option, show
 from softarm.common.tables import Cell, Table, as_markdown
 from softarm.estimator.arm import build_arm
 from softarm.estimator.arrays import Flags, Floats
@@ -93,7 +93,7 @@ def command(as_json: bool, quick: bool, write: Path | None) -> None:
     show(*tables, as_json=as_json)
     if write is not None:
         write.write_text(f"{PAGE}\n{as_markdown(*tables)}\n", encoding="utf-8")
-        say(f"wrote {write}")
+        notify(f"wrote {write}")
 
 
 def recordings_folder() -> Path:

@@ -13,9 +13,9 @@ from typing import Any
 
 from softarm.daemon.config import ServiceConfig, Setup
 from softarm.daemon.control.channels import channel_readings
+from softarm.daemon.control.dependencies import Clocks, LoopDependencies
 from softarm.daemon.control.instruments import LiveInstruments
 from softarm.daemon.control.readings import Readings, channel
-from softarm.daemon.control.surroundings import Clocks, Surroundings
 from softarm.daemon.control.tick import TickSchedule
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
 from softarm.daemon.estimation.solver import Solver, SolverSettings
@@ -151,7 +151,7 @@ class SafetyArm:
         self.gaps = PoseGaps([channel(sensor) for sensor in config.sensors if sensor.needed])
         self.loop = ControlLoop(
             self._setup,
-            Surroundings(
+            LoopDependencies(
                 self._instruments,
                 self._estimator,
                 Silence(),

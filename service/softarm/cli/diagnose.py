@@ -11,9 +11,9 @@ from softarm.cli.output import (
     folder_option,
     force_option,
     json_option,
+    notify,
     progress,
     recordings_argument,
-    say,
     specimen_option,
 )
 
@@ -154,7 +154,7 @@ def command(
         and earlier is not None
         and (write_specimen is None or wrote_before(out, write_specimen))
     ):
-        say(f"{out} holds this diagnosis already; --force repeats it")
+        notify(f"{out} holds this diagnosis already; --force repeats it")
         words = f"{earlier.specimen}: {earlier.verdict.replace('_', ' ')}.\nReport: {out / HTML}"
         click.echo(earlier.dump() if as_json else words, nl=not as_json)
         return 0
@@ -164,15 +164,15 @@ def command(
     with workers(jobs, dask) as executor, progress("diagnosing", sum(SHARES.values())) as advance:
         outcome = run(request, executor, _Steps(advance).advance, notify=assumed.append)
     for line in assumed:
-        say(line)
+        notify(line)
     report = report_of(outcome.diagnosis)
     if out is not None:
-        say(f"wrote {write_report(report, out)}")
-        say(f"wrote {write_html(outcome.diagnosis, robot, out)}")
-        say(f"wrote {write_motions(outcome.diagnosis, robot, out)}")
+        notify(f"wrote {write_report(report, out)}")
+        notify(f"wrote {write_html(outcome.diagnosis, robot, out)}")
+        notify(f"wrote {write_motions(outcome.diagnosis, robot, out)}")
     if write_specimen is not None:
         save_specimen(improved_specimen(robot, outcome), write_specimen)
-        say(f"wrote {write_specimen}{_without(effects_outside_model(outcome))}")
+        notify(f"wrote {write_specimen}{_without(effects_outside_model(outcome))}")
     if out is not None:
         write_digest(digest, out, write_specimen)
     if as_json:

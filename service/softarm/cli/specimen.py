@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from softarm.cli.output import PATH, force_option, json_option, say, show
+from softarm.cli.output import PATH, force_option, json_option, notify, show
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,13 +55,13 @@ def new(out: Path, force: bool, as_json: bool) -> int:
         except InputError as error:
             if not sys.stdin.isatty():
                 raise
-            say(f"softarm: {error}")
-            say("please give the measures again")
+            notify(f"softarm: {error}")
+            notify("please give the measures again")
     save_specimen(specimen, out)
     written = load_specimen(out)
     draw(written, picture)
     show(*specimen_tables(written), as_json=as_json)
-    say(f"wrote {out} and {picture}")
+    notify(f"wrote {out} and {picture}")
     return 0
 
 
@@ -114,7 +114,7 @@ def _ask() -> "ArmMeasures":
     """Request every measure of the user, with those of SoPrA as defaults."""
     from softarm.estimator.specimen.measures import ArmMeasures, SegmentMeasures, names_of
 
-    say("Measures of the arm; Enter takes the value in brackets.")
+    notify("Measures of the arm; Enter takes the value in brackets.")
     name = click.prompt("Name of the arm", default="my_arm", value_proc=_name, err=True)
     shape = click.prompt("Shape", default="lobes", type=click.Choice(("lobes", "cylinder")), err=True)
     count = click.prompt("Number of soft segments", default=2, type=click.IntRange(1, 6), err=True)

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import json_option, say, show
+from softarm.cli.output import json_option, notify, show
 from softarm.cli.running_arm import arm_options, file_name, hold, leased, seconds_option
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
@@ -92,7 +92,7 @@ def goto(
         with suppress(KeyboardInterrupt), leased(running):
             running.arm()
             pose = running.teach.goto(name)
-            say(f"{arm}: goes to {name}; Ctrl-C vents it")
+            notify(f"{arm}: goes to {name}; Ctrl-C vents it")
             hold(running, "HOLDING", seconds)
         show(Table(f"Pose of {arm}", [_row(name, pose)]), as_json=as_json)
     return 0

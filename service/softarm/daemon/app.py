@@ -12,13 +12,13 @@ import numpy as np
 from softarm.common.real_time import raise_priority
 from softarm.daemon.config import Setup
 from softarm.daemon.control.command_server import CommandServer
+from softarm.daemon.control.dependencies import LoopDependencies
 from softarm.daemon.control.host_watch import HostWatch
 from softarm.daemon.control.instruments import Instruments, LiveInstruments
 from softarm.daemon.control.off_loop import off_loop
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.control.recorder import RecorderError
 from softarm.daemon.control.replay import ReplayedInstruments
-from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.control.tick import Ticker
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
 from softarm.daemon.estimation.solver import SolverSettings
@@ -75,7 +75,7 @@ class Service:
         self._bus = Bus(config.network, config.arm, asyncio.get_running_loop())
         self._loop = ControlLoop(
             setup,
-            Surroundings(
+            LoopDependencies(
                 self._make_instruments,
                 self._make_estimator,
                 self._bus,

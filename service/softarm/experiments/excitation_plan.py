@@ -16,9 +16,9 @@ from softarm.estimator.excitation import (
     ManoeuvreLimits,
     Rivals,
     SeparatedArm,
-    menu,
+    full_plan,
     plan_for,
-    whole,
+    standard_manoeuvres,
 )
 from softarm.estimator.model import Frames
 from softarm.estimator.node_by_node import NodeByNode
@@ -56,7 +56,7 @@ def manoeuvres_of(
     """
     limits = ManoeuvreLimits(np.array(specimen.pressure_limits), slew, share)
     order = [part.name for part in specimen.segments]
-    every = menu(tuple(order.index(chamber.segment) for chamber in specimen.chambers), limits)
+    every = standard_manoeuvres(tuple(order.index(chamber.segment) for chamber in specimen.chambers), limits)
     by_name = {manoeuvre.name: manoeuvre for manoeuvre in every}
     for name in names:
         if name not in by_name:
@@ -84,7 +84,7 @@ def make_plan(
         InputError: The report is of another specimen.
     """
     if report is None or not any(finding.confusable_with for finding in report.findings):
-        return whole(manoeuvres)
+        return full_plan(manoeuvres)
     if report.specimen != specimen.name:
         what = f"is of the specimen {report.specimen!r}, not {specimen.name!r}"
         raise InputError("--report", what, "give the specimen that was diagnosed")
@@ -96,7 +96,7 @@ def make_plan(
         for rival in finding.confusable_with
         if rival.effect in EFFECTS
     ]
-    return plan_for(pairs, manoeuvres, subject, advance) if pairs else whole(manoeuvres)
+    return plan_for(pairs, manoeuvres, subject, advance) if pairs else full_plan(manoeuvres)
 
 
 def count_of_pairs(report: Report | None) -> int:

@@ -152,10 +152,10 @@ def force_live(rig: LiveRig) -> tuple[Recording, Recording]:
 
 
 def teach_live(rig: LiveRig, seed: int) -> tuple[Recording, ...]:
-    """Show poses by hand, let the service hold each, and look.
+    """Show poses by hand, let the service hold each, and measure.
 
-    The recording notes when the looks at shown and held poses ended [s], ``looks``, whether the service
-    called each pose reachable, ``reachable``, and its note on how near pressures come, ``limits``.
+    The recording notes when the averaging windows of shown and held poses ended [s], ``looks``, whether the
+    service called each pose reachable, ``reachable``, and how near pressures come, ``limits``.
     """
     rng = np.random.default_rng(seed)
     shown: list[float] = []
@@ -180,7 +180,7 @@ def _show_and_hold(rig: LiveRig, rest: Floats, goal: Floats) -> tuple[float, flo
     """Show one pose, let the service hold it, and let go.
 
     Returns:
-        Ends of the looks at the shown and the held pose [s], and the service's answer.
+        Ends of the averaging windows of the shown and the held pose [s], and the service's answer.
 
     Raises:
         WorkFailedError: The hold ended by itself.

@@ -33,7 +33,7 @@ from softarm.experiments.teaching import miss_rows, misses, pose_of
 from softarm.experiments.validation import pose_errors, rows
 from softarm.recordings import save_recording
 
-LOOK_S = 0.5
+WINDOW_S = 0.5
 NODES = 90
 DRAWING = "sopra"
 SPECIMEN = "specimen.toml"
@@ -193,8 +193,8 @@ def judge_taught(specimen: Specimen, recordings: tuple[Recording, ...], result: 
 
 
 def _pose_before(run: CalibrationRun, end: float) -> Floats:
-    """Return the mean pose of a look that ends then, NaN where nothing was seen, shape (7,)."""
-    mean = means(run, np.array([[end - LOOK_S, end]])).readings
+    """Return the mean pose of the window that ends then, NaN where nothing was seen, shape (7,)."""
+    mean = means(run, np.array([[end - WINDOW_S, end]])).readings
     return mean[0] if len(mean) else np.full(run.readings.shape[1], np.nan)
 
 

@@ -132,8 +132,8 @@ def pose_of(run: CalibrationRun, section: str) -> CalibrationRun:
     raise InputError(run.name, f"has no pose of {section}", "bring its markers into view, and record anew")
 
 
-def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:
-    """Find where a body rests, beginning and end of the look at each rest's end [s], shape (looks, 2)."""
+def still_windows(time: Floats, positions: Floats, window_s: float = 0.5) -> Floats:
+    """Find where a body rests, beginning and end of the window at each rest's end [s], shape (windows, 2)."""
     valid = np.isfinite(positions).all(axis=1)
     times, points = time[valid], positions[valid]
     width = max(2, round(0.2 / float(np.median(np.diff(times)))))
@@ -142,7 +142,7 @@ def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:
     speed = np.linalg.norm(np.gradient(smooth, times, axis=0), axis=1)
     speed[:width] = speed[-width:] = 0.0
     windows = [
-        (times[end - 1] - look, times[end - 1])
+        (times[end - 1] - window_s, times[end - 1])
         for start, end in runs(speed <= STILL_M_S)
         if times[end - 1] - times[start] >= SHORTEST_S
     ]

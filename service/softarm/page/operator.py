@@ -57,7 +57,7 @@ class Operator:
         if self._thread.is_alive():
             self._thread.join()
 
-    def see(self, state: State) -> None:
+    def update_state(self, state: State) -> None:
         """Keep the newest state of the service."""
         self._mode = state.mode
         if state.mode != Mode.HOLDING:
@@ -145,7 +145,7 @@ class Operator:
         return True
 
     @property
-    def wanted(self) -> bool:
+    def needs_lease(self) -> bool:
         """Whether the lease is to be kept."""
         pressed = self._clock() - self._pressed_s < GRACE_S
         return pressed or (self._holding and self._browsers() > 0)
@@ -160,7 +160,7 @@ class Operator:
 
     def _keep(self) -> None:
         while not self._stop.wait(RENEW_S):
-            if self.wanted:
+            if self.needs_lease:
                 self._acquire()
 
 

@@ -87,7 +87,7 @@ class Rig:
         self._tasks: asyncio.TaskGroup | None = None
         self._ends: dict[tuple[str, str], float] = {}
         self.world = FakeArmWorld(self.plant, None, (), scenario.step_s)
-        around = DeviceSurroundings(self.plant, scenario.seed, self.signals.see, mounted.misalignments)
+        around = DeviceSurroundings(self.plant, scenario.seed, self.signals.apply, mounted.misalignments)
         for part in scenario.device:
             self._build(part, around)
         for effect, value in scenario.plant.switches.items():

@@ -461,9 +461,9 @@ async def test_no_set_point_above_the_specimen_reaches_a_valve(bench, pressure):
     bench.controller._valves = bench.valves = Lax()
     await bench.armed()
     with pytest.raises(LimitError):
-        bench.controller.want(np.full(6, pressure), 1.0, bench.now_ns)
+        bench.controller.request_setpoint(np.full(6, pressure), 1.0, bench.now_ns)
     with pytest.raises(LimitError):
-        bench.controller.want(np.zeros(5), 1.0, bench.now_ns)
+        bench.controller.request_setpoint(np.zeros(5), 1.0, bench.now_ns)
     assert bench.valves.pressures == (0.0,) * 6
 
 

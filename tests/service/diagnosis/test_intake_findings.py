@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.analysis.diagnosis.intake import take_all_in, with_intakes, with_touches
+from softarm.analysis.diagnosis.intake import check_recordings, with_intakes, with_touches
 from softarm.estimator.diagnosis.events import EventErrors
 from softarm.estimator.diagnosis.result import Quantity
 from softarm.estimator.errors import InputError
@@ -106,4 +106,4 @@ def test_a_recording_of_which_nothing_is_left_is_refused_with_what_was_found() -
         r"no reading of the motion is left .* every pressure reads one and the same number while frame_tip"
     )
     with pytest.raises(InputError, match=words):
-        take_all_in([replace(good, columns=columns)], [], arm.specimen())
+        check_recordings([replace(good, columns=columns)], [], arm.specimen())

@@ -17,7 +17,7 @@ from softarm.experiments.leave_one_out import without_each
 from softarm.experiments.live import HookPlace, with_hooks
 from softarm.experiments.live_tables import judge_taught
 from softarm.experiments.paper import FORCE_N, TEACH_MM
-from softarm.experiments.pulls import GaugePull, at_looks, look_windows, pull_of, rested
+from softarm.experiments.pulls import GaugePull, averaged_over, pull_of, rest_windows, rested
 from softarm.experiments.recorded import holds_table
 from softarm.experiments.seed import SeedResult
 from softarm.experiments.subsets import subset
@@ -70,7 +70,7 @@ def hook(direction: tuple[float, float, float], reach: float = 0.3) -> dict[str,
 def test_holds_are_found_where_commands_rest() -> None:
     time = np.arange(0.0, 20.0, 1.0 / RATE)
     level = np.interp(time, [0, 5, 6, 11, 12, 20], [0, 0, 2e4, 2e4, 3e4, 3e4])
-    windows = hold_windows(recording(pressure_cmd_0_pa=level), shortest=3.0, look=0.5)
+    windows = hold_windows(recording(pressure_cmd_0_pa=level), shortest=3.0, window_s=0.5)
     np.testing.assert_allclose(windows[:, 1], [5.0, 11.0, 20.0], atol=0.05)
     np.testing.assert_allclose(windows[:, 1] - windows[:, 0], 0.5)
 
@@ -166,10 +166,10 @@ def test_looks_end_where_the_gauge_sets_off() -> None:
     columns = dict(told.columns)
     columns["marker_hook_x_m"] = 0.3 + np.interp(time, [0, 6, 7, 12, 13, 20], [0, 0, 0.01, 0.01, 0.02, 0.02])
     moved = Recording(told.name, told.time, columns, told.info)
-    windows = look_windows(moved)
+    windows = rest_windows(moved)
     np.testing.assert_allclose(windows[:, 1], [6.0, 12.0, 19.9], atol=0.25)
     specimen = load_specimen("sopra")
-    run = at_looks(arrange(moved, specimen, None, section_forces(specimen)), windows)
+    run = averaged_over(arrange(moved, specimen, None, section_forces(specimen)), windows)
     np.testing.assert_allclose(np.linalg.norm(run.loads, axis=1), 0.02 * run.time, atol=1e-3)
 
 

@@ -1,9 +1,9 @@
 """Manoeuvres that separate physical effects, and the choice among them."""
 
 from softarm.estimator.excitation.manoeuvre import Manoeuvre, ManoeuvreLimits
-from softarm.estimator.excitation.menu import menu
-from softarm.estimator.excitation.plan import ChosenManoeuvre, ExcitationPlan, Rivals, plan_for, whole
+from softarm.estimator.excitation.plan import ChosenManoeuvre, ExcitationPlan, Rivals, full_plan, plan_for
 from softarm.estimator.excitation.separation import SeparatedArm
+from softarm.estimator.excitation.standard_manoeuvres import standard_manoeuvres
 
 __all__ = [
     "ChosenManoeuvre",
@@ -12,7 +12,7 @@ __all__ = [
     "ManoeuvreLimits",
     "Rivals",
     "SeparatedArm",
-    "menu",
+    "full_plan",
     "plan_for",
-    "whole",
+    "standard_manoeuvres",
 ]

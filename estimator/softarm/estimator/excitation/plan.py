@@ -85,7 +85,7 @@ class ExcitationPlan:
         return tuple(p for k, p in enumerate(self.rivals) if self.separation(k) < ENOUGH)
 
 
-def whole(manoeuvres: Sequence[Manoeuvre]) -> ExcitationPlan:
+def full_plan(manoeuvres: Sequence[Manoeuvre]) -> ExcitationPlan:
     """Plan everything, in the order given."""
     return ExcitationPlan(tuple(ChosenManoeuvre(manoeuvre) for manoeuvre in manoeuvres))
 
@@ -109,7 +109,7 @@ def plan_for(
     lacking, chosen = [ENOUGH] * len(rivals), []
     while remaining and any(lack > 0.0 for lack in lacking):
         best = max(remaining, key=lambda choice: choice.gain(lacking))
-        # A D^2 below 1 decides nothing; what is left of the menu would only take time.
+        # A D^2 below 1 decides nothing; what is left of the list would only take time.
         if best.gain(lacking) * best.seconds < 1.0:
             break
         remaining.remove(best)

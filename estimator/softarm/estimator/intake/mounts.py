@@ -55,7 +55,9 @@ def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
         else f"record the frame or three markers of the {base}, or give all positions in its frame"
     )
     names = tuple(body.name for body in bodies)
-    return recording, (RecordingFault(recording.name, "frame", names, words + NOTHING, cure, mended=False),)
+    return recording, (
+        RecordingFault(recording.name, "frame", names, words + NOTHING, cure, corrected=False),
+    )
 
 
 def _seen(recording: Recording, specimen: Specimen, base: str) -> bool:
@@ -86,7 +88,7 @@ def _against_base(recording: Recording, specimen: Specimen) -> tuple[RecordingFa
         else "turn the axes of the base's body as the specimen's are, or number the chambers as it does"
     )
     names = tuple(body.name for body in bodies_of(recording, specimen))
-    return (RecordingFault(recording.name, "frame", names, words, cure, mended=False),)
+    return (RecordingFault(recording.name, "frame", names, words, cure, corrected=False),)
 
 
 def registered_directions(recording: Recording, specimen: Specimen) -> BendingDirections | None:
@@ -102,7 +104,7 @@ def registered_directions(recording: Recording, specimen: Specimen) -> BendingDi
 
 
 def only_agreeing(recordings: Sequence[Recording], specimen: Specimen) -> int | None:
-    """Return which one of several mended recordings markers or pressures agree with, if one alone.
+    """Return which one of several corrected recordings markers or pressures agree with, if one alone.
 
     Its markers fit its frames, or chambers bend the arm away from their azimuths.
     """

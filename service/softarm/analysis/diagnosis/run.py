@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from softarm.analysis.diagnosis.intake import take_all_in, with_intakes, with_touches
+from softarm.analysis.diagnosis.intake import check_recordings, with_intakes, with_touches
 from softarm.analysis.diagnosis.models import finite_element_model, rod_model
 from softarm.analysis.offline.inputs import distinct_names
 from softarm.common.rods import QUICK, fitted_rod, known_rod, trusted
@@ -106,7 +106,7 @@ def run(
     advance("reading")
     effects = _known(request.effects)
     suspects, nominal, unread = loaded(request, notify)
-    suspects, nominal, intakes, found = take_all_in(suspects, nominal, request.specimen, notify)
+    suspects, nominal, intakes, found = check_recordings(suspects, nominal, request.specimen, notify)
     admitted = admit(suspects, nominal, request.specimen, notify)
     questioned = {recording.name for recording in admitted.suspects}
     intakes, found = tuple(i for i in intakes if i.recording.name in questioned), (*unread, *found)

@@ -38,7 +38,7 @@ LEFT_OUT = {
     "event": "what was read meanwhile is not used",
     "frame_mismatch": "the recording was converted before anything else",
 }
-"""Findings that are mended or left out before any fit, so that they remove no error of the model."""
+"""Findings that are corrected or left out before any fit, so that they remove no error of the model."""
 WHITE_VARIANCE = (0.5, 2.0)
 WHITE_CORRELATION = 0.3
 """Variance and correlation of innovations between which they are called white noise of the learnt size."""

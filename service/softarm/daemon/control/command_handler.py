@@ -251,7 +251,7 @@ class CommandHandler:
         if controller.modes.mode not in (Mode.ARMED, Mode.EXPERIMENT):
             message = f"set-points are not taken in {controller.modes.mode}"
             raise RefusalError("wrong_mode", message, WAY_OUT[controller.modes.mode])
-        setpoint = controller.want(
+        setpoint = controller.request_setpoint(
             np.array(request.pressures_pa), request.lifetime_s, self._context.clock_ns()
         )
         return {"asked_pa": setpoint.tolist(), "lifetime_s": request.lifetime_s}

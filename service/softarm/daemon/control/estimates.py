@@ -5,12 +5,12 @@ from numpy.typing import NDArray
 
 from softarm.daemon.config import Setup
 from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.dependencies import LoopDependencies
 from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.instruments import Instruments
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.control.reporting import Reporter
-from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
 from softarm.daemon.safety.modes import Mode
 from softarm.daemon.safety.observation import EstimatorHealth
@@ -35,7 +35,7 @@ class Estimates:
 
     Args:
         setup: Rate, deadlines and gravity.
-        surroundings: Builds the estimator's process; clocks.
+        dependencies: Builds the estimator's process; clocks.
         readings: The newest sample of every channel.
         instruments: Name of the valve bank.
         controller: Mode and hold.
@@ -46,21 +46,21 @@ class Estimates:
     def __init__(
         self,
         setup: Setup,
-        surroundings: Surroundings,
+        dependencies: LoopDependencies,
         readings: Readings,
         instruments: Instruments,
         controller: Controller,
         estimator_state: EstimatorState,
         reporter: Reporter,
     ) -> None:
-        self.process = surroundings.estimator(self.take)
+        self.process = dependencies.estimator(self.take)
         self.test = MismatchTest()
         self._readings = readings
         self._instruments = instruments
         self._controller = controller
         self._estimator_state = estimator_state
         self._reporter = reporter
-        self._clocks = surroundings.clocks
+        self._clocks = dependencies.clocks
         self._tick_ns = 1e9 / setup.config.control.rate_hz
         self._deadline_s = setup.config.safety.estimator_deadline_s
         self._chambers = len(setup.specimen.chambers)

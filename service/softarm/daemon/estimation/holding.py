@@ -48,7 +48,7 @@ class HoldSolver:
             note = "the estimate did not converge, so nothing is known of the pose"
             return HoldAnswer(np.zeros(len(self.limits)), reachable=False, note=note, known=False)
         held = replace_loads(estimate, self.suite, self.limits, tare)
-        wanted = self._wanted(pressures + held.change)
+        wanted = self._clipped_command(pressures + held.change)
         if target is None:
             residuals = dict(estimate.residuals)
             return HoldAnswer(wanted, held.reachable, held.statement, residuals=residuals)
@@ -59,5 +59,5 @@ class HoldSolver:
         towards = self.commanded(pressures + nearer.change) - self.commanded(pressures)
         return HoldAnswer(wanted, nearer.reachable, nearer.statement, towards=towards)
 
-    def _wanted(self, acting: Floats) -> Floats:
+    def _clipped_command(self, acting: Floats) -> Floats:
         return np.clip(self.commanded(acting), 0.0, self.limits)

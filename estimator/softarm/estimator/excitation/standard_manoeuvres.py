@@ -1,4 +1,4 @@
-"""The menu of manoeuvres that separate the physical effects, for any lay-out of chambers."""
+"""Manoeuvres that separate the physical effects, for any lay-out of chambers."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ POSES = 10
 GOLDEN = 0.6180339887
 
 
-def menu(segments: Segments, limits: ManoeuvreLimits) -> tuple[Manoeuvre, ...]:
+def standard_manoeuvres(segments: Segments, limits: ManoeuvreLimits) -> tuple[Manoeuvre, ...]:
     """List every manoeuvre in the order in which a whole run does them; the rested arm comes first."""
     makers = _MAKERS if segments else _WITHOUT_CHAMBERS
     return tuple(make(segments, limits) for make in makers)
