@@ -99,7 +99,7 @@ class Teach(CommandGroup):
 
 
 class Experiment(CommandGroup):
-    """The mode of an experiment, in which set-points are taken."""
+    """The mode of an experiment, in which set-points are accepted."""
 
     def begin(self) -> Result:
         """Begin an experiment; needs the lease."""
@@ -118,7 +118,7 @@ class Recordings(CommandGroup):
         return self._do("record/start", RecordingStarted, name=name)
 
     def stop(self) -> RecordingEnded:
-        """End the recording; its file is whole when this returns."""
+        """End the recording; its file is complete when this returns."""
         return self._do("record/stop", RecordingEnded, CLOSE_S)
 
 
@@ -189,7 +189,7 @@ class Arm(LeasedConnection):
         return Recordings(self)
 
     def arm(self) -> AppliedSetpoint:
-        """Let the valves take set-points; needs the lease."""
+        """Let the valves accept set-points; needs the lease."""
         return CommandGroup(self)._do("arm", AppliedSetpoint)
 
     def disarm(self) -> AppliedSetpoint:
@@ -197,7 +197,7 @@ class Arm(LeasedConnection):
         return CommandGroup(self)._do("disarm", AppliedSetpoint)
 
     def stop(self) -> AppliedSetpoint:
-        """Vent at once and latch a fault; free to all, in every mode."""
+        """Vent at once and latch a fault; open to all clients, in every mode."""
         return CommandGroup(self)._do("stop", AppliedSetpoint)
 
     def clear(self) -> Cleared:

@@ -167,7 +167,7 @@ class SafetyArm:
     def _instruments(self, readings: Readings) -> LiveInstruments:
         def take(reading: Reading[Any]) -> None:
             self.gaps.take(reading)
-            readings.take(reading)
+            readings.on_reading(reading)
 
         self.instruments = LiveInstruments(self._setup, take, clock_ns)
         return self.instruments
@@ -207,7 +207,7 @@ class SafetyArm:
         schedule = TickSchedule(clock_ns() + interval_ns, interval_ns)
         while True:
             await asyncio.sleep(max(0.0, (schedule.next_deadline_ns - clock_ns()) / NANOSECONDS))
-            tick = schedule.take(clock_ns())
+            tick = schedule.begin_tick(clock_ns())
             if tick.index % LEASE_EVERY == 0:
                 await self._renew()
             self.loop.step(tick)

@@ -37,7 +37,7 @@ jobs_option = click.option(
 @folder_option("Folder of reports and outcomes; an interrupted run resumes from it.", "out/trials")
 @jobs_option
 @click.option("--source", help="Where the trials come from, added to the titles of the tables.")
-@click.option("--write", type=PATH, help="Write the scores to a page in Markdown; its other tables stay.")
+@click.option("--write", type=PATH, help="Write the scores to a page in Markdown; its other tables are kept.")
 @json_option
 def command(
     folder: Path,

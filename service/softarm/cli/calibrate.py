@@ -76,7 +76,7 @@ def command(
     from softarm.estimator.counted import counted
     from softarm.estimator.diagnosis.admit import LEAST_SAMPLES
     from softarm.estimator.errors import InputError
-    from softarm.estimator.node_by_node import NodeByNode
+    from softarm.estimator.sequential_batch import SequentialBatchModel
     from softarm.estimator.specimen import require_free_specimen, save_specimen
 
     if check == (out is not None):
@@ -90,7 +90,7 @@ def command(
         names = ", ".join(recording.name for recording in loaded)
         raise InputError(
             names,
-            f"{counted(samples, 'sample')} in all, which is too little to calibrate by",
+            f"{counted(samples, 'sample')} in all, too few for a calibration",
             "record at least 20 s with changing pressures",
         )
     loaded = tuple(check_and_correct(recording, robot, notify).for_fits for recording in loaded)
@@ -104,13 +104,13 @@ def command(
             notify(f"{run.name}: the specimen does not name markers {', '.join(run.ignored_markers)}")
     if out is None:
         with progress(f"checking {robot.name}") as advance:
-            drifts = check_drift(NodeByNode(model, advance), robot, runs, nodes)
+            drifts = check_drift(SequentialBatchModel(model, advance), robot, runs, nodes)
         show(drift_table(drifts), as_json=as_json)
         return int(any(drift.stale for drift in drifts))
     options = Options(nodes=nodes, search_axes=axes)
     try:
         with progress(f"calibrating {robot.name}", most_solves(options)) as advance:
-            found = calibrate(NodeByNode(model, advance), robot, runs, options)
+            found = calibrate(SequentialBatchModel(model, advance), robot, runs, options)
     except CalibrationRefusedError as refusal:
         notify(f"softarm: {refusal}")
         return 1

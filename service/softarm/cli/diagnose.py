@@ -130,10 +130,10 @@ def command(
     """
     from softarm.analysis.diagnosis.done import (
         digest_of,
-        done_before,
+        report_up_to_date,
+        specimen_up_to_date,
         write_digest,
         write_report,
-        wrote_before,
     )
     from softarm.analysis.diagnosis.html import FILE as HTML
     from softarm.analysis.diagnosis.html import write_html
@@ -148,11 +148,11 @@ def command(
     robot = specimen_of_any(specimen, recordings)
     request = DiagnosisRequest(recordings, nominal, robot, seed, effects)
     digest = digest_of(request)
-    earlier = done_before(out, digest) if out is not None and not force else None
+    earlier = report_up_to_date(out, digest) if out is not None and not force else None
     if (
         out is not None
         and earlier is not None
-        and (write_specimen is None or wrote_before(out, write_specimen))
+        and (write_specimen is None or specimen_up_to_date(out, write_specimen))
     ):
         notify(f"{out} holds this diagnosis already; --force repeats it")
         words = f"{earlier.specimen}: {earlier.verdict.replace('_', ' ')}.\nReport: {out / HTML}"

@@ -190,11 +190,11 @@ def _live(name: str, settings: "LiveRigSettings", seeds: int | None, *, as_json:
         )
     try:
         with progress(f"experiment {name}") as advance:
-            talk = ExperimentInteraction(ask, notify, lambda: advance(1))
+            interaction = ExperimentInteraction(ask, notify, lambda: advance(1))
             if seeds is None:
-                tables, _ = run_live(name, settings, 1, talk)
+                tables, _ = run_live(name, settings, 1, interaction)
             else:
-                tables = run_live_arms(name, settings, seeds, talk)
+                tables = run_live_arms(name, settings, seeds, interaction)
     except CalibrationRefusedError as refusal:
         notify(f"softarm: {refusal}")
         return 1

@@ -56,7 +56,7 @@ def new(out: Path, force: bool, as_json: bool) -> int:
             if not sys.stdin.isatty():
                 raise
             notify(f"softarm: {error}")
-            notify("please give the measures again")
+            notify("please enter the measures again")
     save_specimen(specimen, out)
     written = load_specimen(out)
     draw(written, picture)

@@ -87,7 +87,7 @@ class Service:
 
     def _make_instruments(self, readings: Readings) -> Instruments:
         if self._replay is None:
-            return LiveInstruments(self._setup, readings.take)
+            return LiveInstruments(self._setup, readings.on_reading)
         return ReplayedInstruments(
             self._replay.recording,
             self._setup.config.sensors,

@@ -201,7 +201,9 @@ class ControlLoop:
         self.controller.fire(Trigger.SHUT_DOWN, "the service ends")
 
     def _on_reading(self, reading: ChannelReading) -> None:
-        self._streams.take(reading)  # the streams need the instruments, and these the readings: built later
+        self._streams.record_reading(
+            reading
+        )  # the streams need the instruments, and these the readings: built later
 
     def _on_packet(self) -> None:
         """Start an estimate as soon as a packet of the leading device is complete."""

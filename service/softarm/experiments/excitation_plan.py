@@ -21,10 +21,10 @@ from softarm.estimator.excitation import (
     standard_manoeuvres,
 )
 from softarm.estimator.model import Frames
-from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import BatchArmModel, BatchInputs
 from softarm.estimator.sensing import Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.simulation import Segments, SimulatedArm, section_loads
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
@@ -128,7 +128,7 @@ def _arm(specimen: Specimen) -> SimulatedArm:
         model = rod.with_loads(section_loads(rod.sections))
     else:
         sections = tuple(section.name for section in specimen.sections)
-        model = NodeByNode(build_arm(specimen, section_loads(sections)))
+        model = SequentialBatchModel(build_arm(specimen, section_loads(sections)))
     rest = model.evaluate(BatchInputs.none(model)).frames
     frames = Frames(rest.positions[0], rest.rotations[0])
     return SimulatedArm(model, Segments.of(specimen, model.sections, frames))

@@ -10,8 +10,8 @@ from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import section_forces
 from softarm.estimator.model import ArmModel, Load
-from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import ArmResponse, BatchArmModel, BatchInputs
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.wrapper import BatchModelWrapper
 
@@ -24,7 +24,7 @@ NEAR_N = 0.3
 
 def known_force_model(specimen: Specimen, advance: Advance = lambda _: None) -> BatchArmModel:
     """Return what a calibration solves: the model with three known forces on every section."""
-    return NodeByNode(build_arm(specimen, loads=section_forces(specimen)), advance)
+    return SequentialBatchModel(build_arm(specimen, loads=section_forces(specimen)), advance)
 
 
 @dataclass

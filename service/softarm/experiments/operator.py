@@ -101,7 +101,7 @@ class Person:
     def lead(self, section: str, place: Floats) -> None:
         """See ``ExperimentOperator.lead``."""
         where = ", ".join(f"{1e3 * value:.0f}" for value in place)
-        self.ask(f"Lead the {section} by hand to about ({where}) mm in the base frame and keep it there.")
+        self.ask(f"Guide the {section} by hand to about ({where}) mm in the base frame and hold it there.")
 
     def let_go(self) -> None:
         """See ``ExperimentOperator.let_go``."""

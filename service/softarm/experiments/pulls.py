@@ -86,7 +86,7 @@ def pull_of(recording: Recording, specimen: Specimen, run: CalibrationRun) -> Ga
     direction = cord_direction(recording, specimen, run.registration, section)
     if direction is None:
         raise InputError(
-            recording.name, "does not say where the cord leads", "add marker_hook_* or gauge_direction"
+            recording.name, "does not state the direction of the cord", "add marker_hook_* or gauge_direction"
         )
     loads = run.loads.reshape(len(run.time), -1, 3)[:, sections[::3].index(section)]
     nearest = np.clip(np.searchsorted(recording.time, run.time), 0, len(recording.time) - 1)

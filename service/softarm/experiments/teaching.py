@@ -114,7 +114,7 @@ def taught_poses(recording: Recording, specimen: Specimen) -> CalibrationRun:
         raise InputError(
             recording.name,
             f"shows {len(held.time)} poses held still for {SHORTEST_S:g} s",
-            "lead the arm to a pose, hold it for 4 s, and go on to the next",
+            "guide the arm to a pose, hold it for 4 s, and go on to the next",
         )
     return held
 

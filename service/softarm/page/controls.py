@@ -35,7 +35,9 @@ class Controls:
         stop = gui.add_command("STOP", description="Vent at once; needs no lease.", hotkey="escape")
         stop.on_trigger(lambda _: operator.stop())
         teach = gui.add_button(
-            "Teach (keep pressed)", color="green", hint="Dead-man: arms, and frees the arm for the hand."
+            "Teach (keep pressed)",
+            color="green",
+            hint="Dead-man's switch: arms, and lets you move the arm by hand.",
         )
         teach.on_hold(lambda _: operator.press(), callback_hz=HOLD_RATE_HZ)
         self._inputs = [teach, *(self._button(gui, *button) for button in BUTTONS)]
@@ -85,7 +87,7 @@ class Controls:
         with gui.add_folder("Recording"):
             name = gui.add_text("File", "recording")
             start = gui.add_button("Start recording", hint="Write every stream to a file from now on.")
-            end = self._button(gui, "End recording", "Its file is then whole.", Operator.end_recording)
+            end = self._button(gui, "End recording", "Its file is then complete.", Operator.end_recording)
             self._recording = gui.add_html("")
         self._inputs += [start, end]
         start.on_click(lambda _: self._operator.record(name.value))

@@ -118,7 +118,7 @@ class Operator:
         self._send(lambda: self._client.recordings.start(name), "the recording has started")
 
     def end_recording(self) -> None:
-        """End the recording; its file is then whole."""
+        """End the recording; its file is then complete."""
         self._send(self._client.recordings.stop, "the recording has ended")
 
     def poses(self) -> dict[str, Pose]:

@@ -107,7 +107,7 @@ REFUSED = {
         arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.without_base),
         "rotated by 6[789] degrees",
     ),
-    "no base, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.without_base), "off its rest"),
+    "no base, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.without_base), "from its rest position"),
     "one marker in centimetres": (
         arm.scaled("marker_tip0", "_m", 100.0),
         "marker_tip0 lies 27.* m from .* millimetres or centimetres",
@@ -126,7 +126,7 @@ REFUSED = {
                 ),
             ),
         ),
-        "the z axes of all bodies point against the arm, or the laboratory is left-handed",
+        "the z axes of all bodies point from the tip to the base, or the laboratory is left-handed",
     ),
     "tilted body": (
         arm.both(arm.only("frame"), arm.body_turned("tip", (0.0, 1.05, 0.0))),
@@ -140,12 +140,15 @@ REFUSED = {
         arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.base_unread),
         "rotated by 6[789] degrees",
     ),
-    "base unread, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.base_unread), "off its rest"),
+    "base unread, tilted": (
+        arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.base_unread),
+        "from its rest position",
+    ),
     "base of zeros, turned": (
         arm.both(arm.only("frame"), arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.base_of_zeros)),
         "rotated by 6[789] degrees .* nothing of the base was read",
     ),
-    "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; turn its sign"),
+    "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; reverse its sign"),
     "three of six chambers": (arm.three_chambers, "has chambers 0, 1, 2, the specimen has 6"),
     "time without a unit": (arm.in_milliseconds, "t_s rises by 50 .* set rate_hz"),
 }

@@ -148,7 +148,7 @@ async def test_a_search_that_diverged_counts_as_failed_and_leaves_the_last_pose(
     await arm.demand("lease/acquire", "arm", "teach/start")
     nowhere = {"positions": np.full((3, 3), np.nan), "degrees_of_freedom": np.nan}
     published = len(arm.sink.of("estimate"))
-    arm.loop.estimates.take(replace(arm.loop.estimator_state.result, **nowhere))
+    arm.loop.estimates.on_result(replace(arm.loop.estimator_state.result, **nowhere))
     state = arm.loop.estimator_state
     assert (state.failures, state.hold, state.held) == (1, None, None)
     assert state.tare_now() is None
@@ -340,7 +340,7 @@ async def test_ticks_that_were_skipped_count_as_late(arm):
     arm.step(50)
     schedule = TickSchedule(arm.now_ns + TICK_NS, TICK_NS)
     arm.now_ns += 10 * TICK_NS
-    arm.loop.step(schedule.take(arm.now_ns))
+    arm.loop.step(schedule.begin_tick(arm.now_ns))
     arm.step(9)
     assert arm.sink.of("state")[-1].drift_p99_s > 0.03
 
@@ -385,7 +385,7 @@ async def test_silence_while_the_loop_was_late_is_laid_to_the_processor(arm):
     arm.step(600)
     schedule = TickSchedule(arm.now_ns + TICK_NS, TICK_NS)
     arm.now_ns += 300_000_000
-    arm.loop.step(schedule.take(arm.now_ns))
+    arm.loop.step(schedule.begin_tick(arm.now_ns))
     stale = [f for f in arm.sink.of("state")[-1].findings if f.code == "stale_sensor"]
     assert stale
     assert all("came 290 ms late" in f.message and "processor" in f.hint for f in stale)

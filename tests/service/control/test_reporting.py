@@ -25,7 +25,7 @@ def arm(tmp_path):
     def submit(make):
         request = make()
         if request is not None:
-            nodes = NODES if request.want_mesh else None
+            nodes = NODES if request.with_mesh else None
             loads = np.array([0.0, 0.0, 0.01 * next(count), 0.0])
             estimator._on_result(replace(result(request), nodes=nodes, loads=loads))
 

@@ -78,7 +78,7 @@ def test_touches_that_the_model_shows_join_the_events_that_the_intake_saw_in_par
 
 def test_a_sensor_that_stands_still_in_several_recordings_is_one_finding():
     def stuck(run: str, since: float) -> Intake:
-        cure = "it is stuck and left out meanwhile"
+        cure = "it is stuck and left out for that time"
         fault = RecordingFault(run, "stuck", ("frame_tip",), "it stands still", cure, interval=(since, 40.0))
         return Intake(Recording(run, np.arange(5.0), {}), (fault,))
 

@@ -217,8 +217,8 @@ def test_bayes_factors_have_the_names_of_kass_and_raftery(log_bayes_factor, name
 
 def test_the_probability_of_what_has_no_name_is_not_one_of_a_place():
     (named,) = diagnosis().findings
-    nameless = replace(named, effect="unknown", probability=0.97)
-    assert sentences.evidence_sentence(nameless).endswith("no known effect explains it is 97 %.")
+    unnamed_physics = replace(named, effect="unknown", probability=0.97)
+    assert sentences.evidence_sentence(unnamed_physics).endswith("no known effect explains it is 97 %.")
     assert sentences.evidence_sentence(replace(named, probability=0.97)).endswith("it acts there is 97 %.")
 
 
@@ -229,7 +229,7 @@ def innovations(variance, correlation):
 
 def test_innovations_are_called_white_only_where_they_are():
     white = innovations({"a": 0.9, "b": 1.2}, {"a": 0.1, "b": -0.05})
-    assert sentences.noise(white).startswith("What is left is white noise of the learnt size")
+    assert sentences.noise(white).startswith("The residual is white noise of the learnt size")
     for other in (
         innovations({"a": 6.0}, {"a": 0.1}),
         innovations({"a": 1.0}, {"a": 0.9}),

@@ -15,7 +15,7 @@ from softarm.experiments.figures import error_figures, inside, with_paper, witho
 from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.leave_one_out import without_each
 from softarm.experiments.live import HookPlace, with_hooks
-from softarm.experiments.live_tables import judge_taught
+from softarm.experiments.live_tables import evaluate_taught
 from softarm.experiments.paper import FORCE_N, TEACH_MM
 from softarm.experiments.pulls import GaugePull, averaged_over, pull_of, rest_windows, rested
 from softarm.experiments.recorded import holds_table
@@ -256,7 +256,7 @@ def test_what_the_service_said_of_poses_out_of_reach_is_reported() -> None:
         "limits": ["The pose can be reached.", "frame_tip misses by 3.8 mm."],
     }
     result = SeedResult(0)
-    judge_taught(load_specimen("sopra"), (replace(posed(), info=info),), result)
+    evaluate_taught(load_specimen("sopra"), (replace(posed(), info=info),), result)
     assert result.notes[-1] == "Of the poses, 2: frame_tip misses by 3.8 mm."
 
 

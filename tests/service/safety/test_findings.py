@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from softarm.daemon.safety.checks import (
     ALL_CHECKS,
     FAILURES_ALLOWED,
-    FOLLOWING_THE_POSE,
-    STEERING_BY_THE_ESTIMATE,
+    MODES_USING_THE_ESTIMATE,
+    MODES_USING_THE_POSE,
 )
 from softarm.daemon.safety.diagnostics import HealthMonitor
 from softarm.daemon.safety.modes import PRESSURISED, Mode
@@ -56,13 +56,13 @@ def test_lost_valves_fault_every_pressurised_mode_and_no_other(mode):
 @given(st.sampled_from(Mode))
 def test_needed_sensor_faults_the_modes_that_follow_the_pose(mode):
     found = faults(replace(HEALTHY, mode=mode, inputs=STALE_TIP))
-    assert found == ({"stale_sensor"} if mode in FOLLOWING_THE_POSE else set())
+    assert found == ({"stale_sensor"} if mode in MODES_USING_THE_POSE else set())
 
 
 @given(st.sampled_from(Mode))
 def test_dead_estimator_faults_the_modes_that_follow_the_pose(mode):
     found = faults(replace(HEALTHY, mode=mode, estimator=DEAD_ESTIMATOR))
-    assert found == ({"estimator_failed"} if mode in FOLLOWING_THE_POSE else set())
+    assert found == ({"estimator_failed"} if mode in MODES_USING_THE_POSE else set())
 
 
 @given(st.sampled_from(Mode))
@@ -216,7 +216,7 @@ def test_an_estimator_that_cannot_be_relied_on_is_named_with_its_cause(estimator
     (finding,) = found
     assert words in finding.message
     assert hint in finding.hint
-    steered = STEERING_BY_THE_ESTIMATE if estimator.failures else FOLLOWING_THE_POSE
+    steered = MODES_USING_THE_ESTIMATE if estimator.failures else MODES_USING_THE_POSE
     assert finding.severity == ("fault" if mode in steered else "warning")
 
 

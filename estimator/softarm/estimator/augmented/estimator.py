@@ -26,10 +26,10 @@ from softarm.estimator.effects.simulate import (
 from softarm.estimator.effects.world import World
 from softarm.estimator.inverse import ArmEstimate, Estimator, TrackerSettings
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
-from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp, from_quaternions, to_quaternions
 from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.simulation import Drive, RespondingArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import bounded_inverse
 from softarm.estimator.specimen import Specimen
@@ -94,7 +94,7 @@ def estimator_of(
     rest = model.linearise(model.rest(), start).frames
     segments = Segments.of(specimen, model.sections, rest)
     followed = stretched(model, specimen)
-    arm = SimulatedArm(NodeByNode(followed), segments)
+    arm = SimulatedArm(SequentialBatchModel(followed), segments)
     names = tuple(sensor.name for sensor in suite.measurements)
     stiffness, actuation = arm.stiffness(), settings.actuation
     world = World.of(specimen, segments, model.sections, stiffness, names, pressures_measured, actuation)

@@ -84,8 +84,7 @@ def require_improvement(check: Check, allowed: float) -> None:
     if ratio > allowed:
         raise CalibrationRefusedError(
             "calibration",
-            f"samples that the fit has not seen are predicted worse than before, with {ratio:.3g} times the "
-            "error",
+            f"held-out samples are predicted worse than before, with {ratio:.3g} times the error",
             f"leave out recordings of an arm in another state, and record more poses, each held for 5 s in "
             f"recordings of more than {2.0 * BLOCK:.0f} s",
         )
@@ -123,7 +122,7 @@ def require_motion_predicted(
     raise MotionNotPredictedError(
         "calibration",
         f"the model predicts the readings no better than their mean: they vary by {factor * before:.3g} "
-        f"{name} rms, and the model errs by {factor * after:.3g} {name}",
+        f"{name} rms, and the error of the model is {factor * after:.3g} {name}",
         "check that columns name the right chambers, sensors and units, and record larger motions",
     )
 
@@ -153,7 +152,7 @@ def cautions(calibrated: Calibrated) -> tuple[str, ...]:
     limit = scatter_limit(freedom, freedom)
     if over_training > limit:
         words.append(
-            f"Samples that the fit has not seen are predicted with {over_training:.3g} times the error of "
+            f"Held-out samples are predicted with {over_training:.3g} times the error of "
             "those that it has; check that all recordings are of one arm in one state."
         )
     over_line = _ratio(check.held_out, check.line) if check.line else 0.0

@@ -48,7 +48,7 @@ second on no explanation is good enough to correct by. Of 400 simulated recordin
 sideways, with up to two faults of the arm, half miss by 0.24 or less, 99 % by 0.57 and all by 0.87."""
 SCALAR_FIRST = [3, 0, 1, 2]
 """Where w, x, y and z stand in a quaternion (x, y, z, w)."""
-UPSIDE_DOWN = "the z axes of all bodies point against the arm"
+UPSIDE_DOWN = "the z axes of all bodies point from the tip to the base"
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class SensorChannels:
         mirrored: Mirrored axis of the positions.
         axis: Axis of the base's body that points along the arm,
         sign: and its sign.
-        reversed: Whether the z axes of all bodies point against the arm.
+        reversed: Whether the z axes of all bodies point from the tip to the base.
         scalar_last: Whether quaternions were written as (x, y, z, w).
     """
 
@@ -108,7 +108,7 @@ def correct_sections(
     words = _describe(names, best)
     columns = tuple(f"frame_{name}" for name in names)
     if best.axis != 2 or best.sign < 0.0:
-        cure = "define the body so that its z points along the arm; how it is turned about z cannot be known"
+        cure = "define the body so that its z points along the arm; its rotation about z cannot be determined"
         return recording, (
             RecordingFault(recording.name, "frame", columns[:1], words, cure, False, choice.odds),
         )

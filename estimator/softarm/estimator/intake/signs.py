@@ -33,7 +33,7 @@ def _suction(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, 
         low = float(np.percentile(valid, 2.0)) if len(valid) else 0.0
         if low < -BELOW * specimen.pressure_limits[chamber]:
             what = f"the pressure of chamber {chamber} falls to {low / 1e3:.1f} kPa below that of the air"
-            cure = "turn its sign, or add what its sensor reads when vented"
+            cure = "reverse its sign, or add what its sensor reads when vented"
             return (
                 RecordingFault(
                     recording.name, "sign", (f"pressure_{chamber}_pa",), what, cure, corrected=False

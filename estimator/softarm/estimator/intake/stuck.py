@@ -146,7 +146,7 @@ class StuckReading:
         )
         name = f"{self.sensor}.{self.axis}" if self.axis else self.sensor
         what = f"{name} stands still at {reading} from {since:.1f} to {until:.1f} s {self.reason}"
-        cure = "it is stuck and left out meanwhile"
+        cure = "it is stuck and left out for that time"
         return RecordingFault(recording.name, "stuck", (name,), what, cure, interval=(since, until))
 
 

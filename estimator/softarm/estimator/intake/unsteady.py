@@ -159,7 +159,7 @@ def law_errors(
     rows = np.flatnonzero(np.isfinite(grid.values).all(axis=1) & free)
     if len(rows) * grid.step < SHORTEST:
         return None
-    inputs = Predictors.of(grid.time, grid.pressures).take(rows)
+    inputs = Predictors.of(grid.time, grid.pressures).subset(rows)
     values = grid.values[rows] - np.median(grid.values[rows], axis=0)
     given = spreads is not None
     spreads = np.std(values, axis=0) if spreads is None else spreads

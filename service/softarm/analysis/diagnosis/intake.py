@@ -179,7 +179,7 @@ def _cause(
 ) -> str:
     """Write what explains an event after all; empty where nothing does."""
     if diagnosis.nominal and diagnosis.verdict == "unexplained":
-        return "What acts without a name may have caused it."
+        return "An unknown effect may have caused it."
     errors = errors_of(event.recording, on_the_model)
     begin, end = (moment + intake.recording.start for moment in event.interval)
     residuals = errors.explained((begin, end)) if errors else None

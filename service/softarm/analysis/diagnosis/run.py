@@ -314,7 +314,7 @@ def sessions_of(
             events=[event.interval for event in intake.events] if intake else (),
         )
         notes.extend(prepared.notes)
-        frequency = ring_frequency(prepared.session)
+        frequency = vibration_frequency(prepared.session)
         release = find_release(prepared.session, frequency)
         if release is not None:
             notes.append(
@@ -350,7 +350,7 @@ def _step(session: Session, frequency: float | None) -> float:
     return max(session.step, min(2.0 / frequency, session.seconds / 8.0)) if frequency else session.step
 
 
-def ring_frequency(session: Session) -> float | None:
+def vibration_frequency(session: Session) -> float | None:
     """Find the frequency of a vibration of a soft arm [Hz]; ``None`` where there is none.
 
     At least half of the power of the speed lies between ``SLOWEST`` and ``FASTEST``, as far as the rate

@@ -53,7 +53,7 @@ class Estimates:
         estimator_state: EstimatorState,
         reporter: Reporter,
     ) -> None:
-        self.process = dependencies.estimator(self.take)
+        self.process = dependencies.estimator(self.on_result)
         self.test = MismatchTest()
         self._readings = readings
         self._instruments = instruments
@@ -94,7 +94,7 @@ class Estimates:
     def _request(self) -> EstimationRequest | None:
         """Request an estimate of the newest readings, when the process is free for it."""
         now_ns = self._clocks.monotonic_ns()
-        if self._better_waits(now_ns):
+        if self._better_to_wait(now_ns):
             return None
         snapshot = self._readings.snapshot(now_ns)
         if not snapshot.used:
@@ -109,14 +109,14 @@ class Estimates:
             self._gravity,
             snapshot.used,
             snapshot.lost,
-            want_hold=controller.modes.mode in (Mode.TEACH, Mode.HOLDING),
+            with_hold=controller.modes.mode in (Mode.TEACH, Mode.HOLDING),
             target=None if controller.hold is None else controller.hold.goal.target,
-            want_contact=self._contact_due(now_ns),
+            with_contact=self._contact_due(now_ns),
             tare=self._estimator_state.tare,
-            want_mesh=self._shape_due(now_ns),
+            with_mesh=self._shape_due(now_ns),
         )
 
-    def _better_waits(self, now_ns: int) -> bool:
+    def _better_to_wait(self, now_ns: int) -> bool:
         """Return whether the last packet is so old that the next one, due soon, is worth the wait."""
         each_tick = self._interval_ns < NO_PACKET * self._tick_ns
         return (
@@ -141,7 +141,7 @@ class Estimates:
             self._drawn_ns = now_ns
         return due
 
-    def take(self, result: EstimationResult) -> None:
+    def on_result(self, result: EstimationResult) -> None:
         """Handle a result of the estimator: publish it, follow contacts and the test of the model."""
         # Measured from now, not from the readings: this is about the process, not about the sensors.
         self._last_result_ns = self._clocks.monotonic_ns()
@@ -155,7 +155,7 @@ class Estimates:
         since = self._estimator_state.contact_since_unix_ns
         if (before is None) is not (since is None):
             self._reporter.contact(began=since is not None)
-        if result.request.want_contact:
+        if result.request.with_contact:
             self._placed_ns = self._last_result_ns
         # The innovations of a search that stopped early do not test the model.
         if result.converged:

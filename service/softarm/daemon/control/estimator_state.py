@@ -150,7 +150,7 @@ class EstimatorState:
             self._follow_contact(result, unix_ns)
         if self.contact_since_unix_ns is None:
             self.contact = None
-        elif result.request.want_contact:
+        elif result.request.with_contact:
             self.contact = self._contact(result, self.contact_since_unix_ns)
         self._updated.set()
 

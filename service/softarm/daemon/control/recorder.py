@@ -264,7 +264,7 @@ class Recorder:
         with self._create(part) as file:
             if run.abandoned:
                 part.unlink(missing_ok=True)
-                raise RecorderError(f"{path.name}: was opened too late, and given up")
+                raise RecorderError(f"{path.name}: was opened too late and abandoned")
             writer = StreamWriter(
                 file,
                 attachments={**run.attachments, INFO_FILE: format_info(run.info)},
@@ -278,7 +278,7 @@ class Recorder:
         # Only a file that is whole has the final name.
         part.rename(path)
         if ended_by_itself:
-            raise RecorderError(f"{path.name} was ended: {ended_by_itself}; it is whole up to there")
+            raise RecorderError(f"{path.name} was ended: {ended_by_itself}; it is complete up to there")
 
     def _write_items(self, writer: StreamWriter, run: _Run) -> str:
         """Write until the recording is stopped, or return why it ends by itself."""

@@ -62,10 +62,10 @@ class EstimationRequest(_Compact):
         gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
         used: Names of the sensors in the readings.
         lost: Names of those that are absent.
-        want_hold: Whether to find the pressures that hold the pose.
+        with_hold: Whether to find the pressures that hold the pose.
         target: The pose that is being held.
-        want_mesh: Whether to send the positions of the surface's nodes.
-        want_contact: Whether to place a push along the arm.
+        with_mesh: Whether to send the positions of the surface's nodes.
+        with_contact: Whether to place a push along the arm.
         tare: Load amplitudes that count as zero, shape (loads,); needed to place a push.
     """
 
@@ -76,10 +76,10 @@ class EstimationRequest(_Compact):
     gravity: Floats
     used: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
-    want_hold: bool = False
+    with_hold: bool = False
     target: PoseTarget | None = None
-    want_mesh: bool = False
-    want_contact: bool = False
+    with_mesh: bool = False
+    with_contact: bool = False
     tare: Floats | None = None
 
 

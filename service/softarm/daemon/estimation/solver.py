@@ -181,7 +181,7 @@ class Solver:
         readings = self._suite.stack({})
         pressures = np.full(self._model.chambers, WARM_UP_PRESSURE_PA)
         for time_s in WARM_UP_S:
-            result = self(EstimationRequest(time_s, 0, readings, pressures, gravity, want_hold=True))
+            result = self(EstimationRequest(time_s, 0, readings, pressures, gravity, with_hold=True))
             readings = self._suite.predict(Frames(result.positions, from_quaternions(result.quaternions)))
             if self._background_solver is not None:
                 self._background_solver.wait()  # so that both models are warmed up
@@ -202,7 +202,7 @@ class Solver:
             self._moving.tare()
         loads, covariance = self._moving.update(request.time_s, request.readings, estimate)
         hold = self._held(request, estimate)
-        contact = self._contact(request, estimate) if request.want_contact else None
+        contact = self._contact(request, estimate) if request.with_contact else None
         return EstimationResult(
             request=request,
             converged=estimate.converged,
@@ -218,7 +218,7 @@ class Solver:
             unobservable=self._unobservable_directions(request, estimate),
             hold=hold,
             contact=contact,
-            nodes=self._nodes(estimate) if request.want_mesh else None,
+            nodes=self._nodes(estimate) if request.with_mesh else None,
             solve_s=time.perf_counter() - begin,
             rod_off_rad=None if self._check is None else self._check.departure,
         )
@@ -265,7 +265,7 @@ class Solver:
 
     def _held(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> HoldAnswer | None:
         """Compute the pressures that hold the pose while they are requested."""
-        if not request.want_hold:
+        if not request.with_hold:
             return None
         return self._held_arm.answer(estimate, self._tare(request), request.target)
 

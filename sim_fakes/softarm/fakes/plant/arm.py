@@ -95,7 +95,7 @@ class FakeArm:
 
         Raises:
             InputError: The time lies before the last step, the number of pressures is wrong, or an effect is
-                so strong that the arm flew apart.
+                so strong that the simulation diverged.
         """
         steps = int(np.floor((time - self._start) / self._parameters.step + 1e-6))
         if steps < self._steps:
@@ -211,7 +211,7 @@ class FakeArm:
             self._area_law, self._modulus_factor(), settling,
         )  # fmt: skip
         if not np.abs(forces).max() < FORCE_LIMIT:
-            raise InputError("fake arm", f"flew apart at {self._time:.3f} s", "weaken its effects or loads")
+            raise InputError("fake arm", f"diverged at {self._time:.3f} s", "weaken its effects or loads")
         self._data.qfrc_applied[self._elastic] = forces
         self._damp(settling)
         self._apply_loads(inputs)

@@ -100,7 +100,7 @@ class BendBoard(Instrument):
         if self.faults.hit("reboot") or self._reboot:
             self.power_on(time)
             return b""
-        self._schedule.take(time)
+        self._schedule.advance(time)
         text = b"" if self._greeted else self._greeting()
         angles = self._sense(state)
         self._greeted = True

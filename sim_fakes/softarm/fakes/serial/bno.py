@@ -72,7 +72,7 @@ class BnoRvc(Instrument):
             return b""
         changed = self.faults.hit("wrong_rate")
         self._schedule.rate = float(changed["hz"]) if changed else self._rate
-        self._schedule.take(time)
+        self._schedule.advance(time)
         if gap := self.faults.hit("index_gap"):
             self._index = (self._index + int(gap["frames"])) & 0xFF
         frame = self._frame(state)

@@ -27,7 +27,7 @@ class SendSchedule:
         """Set the next beat to ``time`` [s]."""
         self.next = time
 
-    def take(self, time: float) -> None:
+    def advance(self, time: float) -> None:
         """Pass the beat that is due at ``time`` [s]."""
         self.next += 1.0 / self.rate
         if time - self.next > 1.0:

@@ -59,7 +59,7 @@ class FakeMark10(Instrument):
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the reading that is due."""
-        self._schedule.take(time)
+        self._schedule.advance(time)
         return b"" if self._cell.is_off() else self._reading(state)
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:

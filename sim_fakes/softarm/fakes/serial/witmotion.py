@@ -74,7 +74,7 @@ class WitMotion(Instrument):
         if self.faults.hit("forgets"):
             self._saved = {CONTENT: DEFAULT_CONTENT, RATE: DEFAULT_RATE}
             self.power_on(time)
-        self._schedule.take(time)
+        self._schedule.advance(time)
         return corrupted(self._frames(time, state), self.faults)
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002

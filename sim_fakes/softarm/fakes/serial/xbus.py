@@ -71,7 +71,7 @@ class XbusModule(Instrument):
         if self.faults.hit("config_mode"):
             self._measuring = False
             return b""
-        self._schedule.take(time)
+        self._schedule.advance(time)
         if gap := self.faults.hit("index_gap"):
             self._counter += int(gap["frames"])
         ticks = round((time - self._start) * self._clock * TICKS_PER_SECOND) & 0xFFFFFFFF
