@@ -61,7 +61,7 @@ def test_recordings_show_what_the_manoeuvre_promises(manoeuvre: Manoeuvre):
     assert PROMISED[manoeuvre.name] - {"mount_turned"} <= found
 
 
-def test_the_whole_menu_excites_everything_but_a_long_run():
+def test_all_manoeuvres_excite_everything_but_a_long_run():
     assert set().union(*(PROMISED[m.name] for m in MANOEUVRES)) >= set(get_args(Excitation)) - {"long_run"}
 
 

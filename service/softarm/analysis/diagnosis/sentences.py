@@ -41,7 +41,7 @@ LEFT_OUT = {
 """Findings that are corrected or left out before any fit, so that they remove no error of the model."""
 WHITE_VARIANCE = (0.5, 2.0)
 WHITE_CORRELATION = 0.3
-"""Variance and correlation of innovations between which they are called white noise of the learnt size."""
+"""Variance and correlation of innovations between which they are called white noise of the estimated size."""
 
 
 def number(value: float) -> str:
@@ -139,7 +139,9 @@ def verdict(diagnosis: Diagnosis) -> str:
     )
     if diagnosis.verdict == "consistent":
         opening = (
-            "The findings below show in the readings themselves. Beside them, " if diagnosis.findings else ""
+            "The findings below show in the readings themselves. Apart from them, "
+            if diagnosis.findings
+            else ""
         )
         if heldout.after <= NEAR_NOISE:
             agrees = f"{'the' if opening else 'The'} model agrees with the recordings"
@@ -154,19 +156,19 @@ def verdict(diagnosis: Diagnosis) -> str:
     if number(heldout.after) == number(heldout.before):
         stays = f"The error of the model on unseen data stays at {after}."
         if any(finding.effect == "unknown" for finding in diagnosis.findings):
-            others = "What else is found below shows in the readings themselves."
+            others = "The other findings below show in the readings themselves."
             return f"{unnamed_physics(diagnosis)}. {others} {stays}"
         return f"The findings below show in the readings themselves. {stays}"
     if _contradicted(diagnosis):
         return (
-            "The findings below show in the data that decided, but not in those that were kept for this "
-            f"report, where the error rises from {number(heldout.before)} to {after}. They are doubtful "
-            "until more recordings confirm them."
+            "The data from which the findings below were chosen support them, but those kept for this "
+            f"report do not: there the error rises from {number(heldout.before)} to {after}. The findings "
+            "are doubtful until more recordings confirm them."
         )
     if diagnosis.verdict == "partly_explained":
         return (
             "The model is missing physics. The findings below explain part of the mismatch: the error on "
-            f"unseen data {fall}, and some structure is left.{nameless_share}"
+            f"unseen data {fall}, and the residual still has structure.{nameless_share}"
         )
     if heldout.after <= NEAR_NOISE:
         return (
@@ -185,8 +187,8 @@ def insensitivity_note(diagnosis: Diagnosis) -> str:
     if units <= {"Pa"} or any(one.effect in OF_THE_ARM for one in diagnosis.detection_limits):
         return ""
     return (
-        " But however large, no change of the arm's stiffness or of a chamber's gain, and no payload, would "
-        "have shown in these recordings."
+        " However, no change of the arm's stiffness or of a chamber's gain, and no payload, would have "
+        "shown in these recordings, whatever its size."
     )
 
 
@@ -268,19 +270,19 @@ def evidence_sentence(finding: Finding) -> str:
 
 
 def is_white(test: InnovationTest) -> bool:
-    """Return whether the innovations of all channels are white noise of the learnt size."""
+    """Return whether the innovations of all channels are white noise of the estimated size."""
     sized = all(WHITE_VARIANCE[0] <= value <= WHITE_VARIANCE[1] for value in test.variance.values())
     alike = all(abs(value) <= WHITE_CORRELATION for value in test.correlation.values())
     return bool(test.variance) and sized and alike
 
 
 def noise(test: InnovationTest) -> str:
-    """Write whether what is left is white noise of the learnt size, itself and once its past is used."""
+    """Write whether what is left is white noise of the estimated size, itself and once its past is used."""
     if not test.variance:
         return "The residual was not tested for whiteness."
     verb = "is" if is_white(test) else "is not"
     words = (
-        f"The residual {verb} white noise of the learnt size once each channel's own past is used: over "
+        f"The residual {verb} white noise of the estimated size once each channel's own past is used: over "
         f"channels, {_spans(test.variance, test.correlation)}."
     )
     if not is_white(test):
