@@ -250,7 +250,7 @@ async def test_a_set_point_that_ran_out_ends_teaching_and_holding(arm, verbs, mo
     arm.step(2)
     assert arm.loop.mode is mode
     if mode is Mode.FAULTED:
-        assert "ran out" in arm.loop.controller.modes.fault_cause
+        assert "expired" in arm.loop.controller.modes.fault_cause
         assert not arm.instruments.valves.armed
 
 
@@ -377,7 +377,7 @@ async def test_a_fault_of_a_busy_machine_names_the_processor(tmp_path, starved_p
     arm.instruments.expiries += 1
     arm.step()
     cause = arm.loop.controller.modes.fault_cause
-    assert "ran out" in cause
+    assert "expired" in cause
     assert ("programs waited for the processor 90 %" in cause) is (starved_percent > 0.0)
 
 
