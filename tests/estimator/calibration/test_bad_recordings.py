@@ -91,7 +91,7 @@ def test_a_kept_calibration_is_cautioned_about(sopra: Specimen) -> None:
     check = Check({"a.0": 9.0}, {"a.0": 1.0}, {"a.0": 5.0}, {"a.0": 1.25}, 3)
     unlike, line = cautions(replace(found, check=check))
     assert "5 times the error of the fitted samples" in unlike
-    assert "4 times as much as a linear regression" in line
+    assert "4 times that of a linear regression" in line
 
 
 def test_an_arm_with_chambers_of_which_no_pressure_was_recorded_is_refused(sopra: Specimen) -> None:

@@ -153,13 +153,13 @@ def cautions(calibrated: Calibrated) -> tuple[str, ...]:
     if over_training > limit:
         words.append(
             f"Held-out samples are predicted with {over_training:.3g} times the error of "
-            "those that it has; check that all recordings are of one arm in one state."
+            "the fitted samples; check that all recordings are of one arm in one state."
         )
     over_line = _ratio(check.held_out, check.line) if check.line else 0.0
     if over_line > limit:
         words.append(
-            f"On these samples the model errs {over_line:.3g} times as much as a linear regression on the "
-            "pressures; check the axes of the sensors and the numbers of the chambers."
+            f"On these samples the error of the model is {over_line:.3g} times that of a linear regression "
+            "on the pressures; check the axes of the sensors and the numbers of the chambers."
         )
     return tuple(words)
 
