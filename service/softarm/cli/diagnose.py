@@ -128,7 +128,7 @@ def command(
 
     Example: softarm diagnose run1 run2 --nominal known1 --specimen sopra --out report
     """
-    from softarm.analysis.diagnosis.done import (
+    from softarm.analysis.diagnosis.digest import (
         digest_of,
         report_up_to_date,
         specimen_up_to_date,

@@ -142,9 +142,9 @@ def _on_mesh(robot: "Specimen", run: "CalibrationRun") -> "tuple[Track[Any], Cal
     model = build_arm(robot)
     model = replace(model, settings=replace(model.settings, total_iterations=LINEAR_SOLVES))
     rod = known_trusted_rod(robot)
-    guide = None if rod is None else rod.with_loads(model.loads)
+    fast_model = None if rod is None else rod.with_loads(model.loads)
     with progress(f"estimating {run.name}", len(run.time)) as advance:
-        found = track(model, robot, run, advance, guide)
+        found = track(model, robot, run, advance, fast_model)
     drawn = drawn_surface(model.mesh)
     return found, lambda state: drawn.corners(model.body.points + state.displacement)
 

@@ -182,9 +182,9 @@ def plan_tables(plan: "ExcitationPlan") -> tuple[Table, ...]:
             "seconds": round(choice.seconds, 1),
             "shows": choice.manoeuvre.by_hand or choice.manoeuvre.shows,
         }
-        if plan.rivals:
-            best = max(range(len(plan.rivals)), key=lambda k: choice.separations[k])
-            row |= {"splits_most": plan.rivals[best].name, "separation": choice.separations[best]}
+        if plan.pairs:
+            best = max(range(len(plan.pairs)), key=lambda k: choice.separations[k])
+            row |= {"separates_most": plan.pairs[best].name, "separation": choice.separations[best]}
         rows.append(row)
     total = f"{len(rows)} manoeuvres, {plan.seconds / 60.0:.1f} min with venting between them."
     tables = [
@@ -194,28 +194,28 @@ def plan_tables(plan: "ExcitationPlan") -> tuple[Table, ...]:
             (total,) if rows else ("No known manoeuvre would distinguish the remaining effects.",),
         )
     ]
-    if plan.rivals:
-        tables.append(_rivals_table(plan))
+    if plan.pairs:
+        tables.append(_pairs_table(plan))
     return tuple(tables)
 
 
-def _rivals_table(plan: "ExcitationPlan") -> Table:
-    from softarm.estimator.excitation.plan import ENOUGH
+def _pairs_table(plan: "ExcitationPlan") -> Table:
+    from softarm.estimator.excitation.plan import DECISIVE_SEPARATION
 
     rows: list[dict[str, Cell]] = [
         {
-            "rivals": pair.name,
+            "pair": pair.name,
             "separation": plan.separation(index),
-            "decided": plan.separation(index) >= ENOUGH,
+            "decided": plan.separation(index) >= DECISIVE_SEPARATION,
         }
-        for index, pair in enumerate(plan.rivals)
+        for index, pair in enumerate(plan.pairs)
     ]
     notes = (
         "Separation: expected difference in chi-square between the two effects, each fitted again; "
-        f"{ENOUGH:g} decides.",
+        f"{DECISIVE_SEPARATION:g} decides.",
         *(f"These manoeuvres cannot distinguish {pair.name}." for pair in plan.undecided),
     )
-    return Table("What the plan decides", rows, notes)
+    return Table("Expected separation", rows, notes)
 
 
 def recorded_table(done: Sequence["Recorded"]) -> Table:

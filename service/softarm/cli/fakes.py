@@ -20,7 +20,7 @@ from softarm.fakes.clock import Clock
 from softarm.fakes.control import ControlPort, status
 from softarm.fakes.devices import catalogue
 from softarm.fakes.lateness import watch_lateness
-from softarm.fakes.placement import playing
+from softarm.fakes.placement import with_specimen
 from softarm.fakes.rig import Rig, running
 from softarm.fakes.scenario import Scenario, read_scenario
 
@@ -64,7 +64,7 @@ def command(
     """
     checked = read_scenario(scenario)
     if specimen is not None:
-        checked = playing(checked, specimen)
+        checked = with_specimen(checked, specimen)
     if variant is not None:
         checked = checked.model_copy(update={"plant": checked.plant.model_copy(update={"variant": variant})})
     if list_faults:

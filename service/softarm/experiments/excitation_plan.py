@@ -11,10 +11,10 @@ from softarm.estimator.effects import EFFECTS, Spot, World
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
 from softarm.estimator.excitation import (
+    EffectPair,
     ExcitationPlan,
     Manoeuvre,
     ManoeuvreLimits,
-    Rivals,
     SeparatedArm,
     full_plan,
     plan_for,
@@ -90,7 +90,7 @@ def make_plan(
         raise InputError("--report", what, "give the specimen that was diagnosed")
     subject = subject_of(specimen, _sensor_names(report))
     pairs = [
-        Rivals(_found(subject.world, finding), _typical(subject.world, rival.effect, rival.where))
+        EffectPair(_found(subject.world, finding), _typical(subject.world, rival.effect, rival.where))
         for finding in report.findings
         if finding.effect in EFFECTS
         for rival in finding.confusable_with

@@ -32,14 +32,14 @@ class SharedSolutions:
     """Responses of models of one arm, from which others of the same arm begin at nearly the same inputs.
 
     Args:
-        known: Pressures [Pa] and loads [N] of each batch, and the response to it.
+        solved: Pressures [Pa] and loads [N] of each batch, and the response to it.
     """
 
-    known: list[tuple[Floats, Floats, ArmResponse]] = field(default_factory=list)
+    solved: list[tuple[Floats, Floats, ArmResponse]] = field(default_factory=list)
 
     def near(self, pressures: Floats, loads: Floats) -> ArmResponse | None:
         """Return the newest response to a batch of the same nodes."""
-        for before, pulled, response in reversed(self.known):
+        for before, pulled, response in reversed(self.solved):
             if _alike(before, pressures, NEAR_PA) and _alike(pulled, loads, NEAR_N):
                 return response
         return None
@@ -62,7 +62,7 @@ class WarmModel(BatchModelWrapper):
         if start is None:
             start = self.responses.near(inputs.pressures, inputs.loads)
         response = self.model.evaluate(inputs, start=start, jacobians=jacobians)
-        self.responses.known.append((inputs.pressures, inputs.loads, response))
+        self.responses.solved.append((inputs.pressures, inputs.loads, response))
         return response
 
 

@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 from softarm.estimator.excitation import (
+    EffectPair,
     ManoeuvreLimits,
-    Rivals,
     SeparatedArm,
     full_plan,
     plan_for,
     standard_manoeuvres,
 )
-from softarm.estimator.excitation.plan import ENOUGH
+from softarm.estimator.excitation.plan import DECISIVE_SEPARATION
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.simulation import Drive, Segments
 from tests.estimator.effects.effects_bench import SUITE, WORLD, placed
@@ -69,14 +69,14 @@ def test_a_rival_of_no_size_is_a_rival_too(rival):
 
 
 def test_weights_part_when_the_mount_is_turned():
-    pair = Rivals(WEIGHT, SPREAD)
+    pair = EffectPair(WEIGHT, SPREAD)
     plan = plan_for([pair], [MANOEUVRES["ramps"], MANOEUVRES["mount_turned_x"]], SUBJECT)
     assert plan.choices[0].manoeuvre.name == "mount_turned_x"
 
 
 def test_motion_without_pressure_parts_damping_from_a_slow_line_best():
     plan = plan_for(
-        [Rivals(DAMPED, LAG)], [MANOEUVRES["holds"], MANOEUVRES["poses"], MANOEUVRES["pluck"]], SUBJECT
+        [EffectPair(DAMPED, LAG)], [MANOEUVRES["holds"], MANOEUVRES["poses"], MANOEUVRES["pluck"]], SUBJECT
     )
     assert plan.choices[0].manoeuvre.name == "pluck"
     trial = SUBJECT.trial(MANOEUVRES["holds"])
@@ -85,23 +85,23 @@ def test_motion_without_pressure_parts_damping_from_a_slow_line_best():
 
 
 def test_what_nothing_splits_is_said_to_stay_undecided():
-    pair = Rivals(placed("chamber_gain", [0.02], chamber=0), placed("chamber_gain", [0.02], chamber=0))
+    pair = EffectPair(placed("chamber_gain", [0.02], chamber=0), placed("chamber_gain", [0.02], chamber=0))
     plan = plan_for([pair], list(MANOEUVRES.values())[:4], SUBJECT)
     assert plan.undecided == (pair,)
     assert not plan.choices
 
 
 def test_a_plan_stops_where_everything_is_decided():
-    pairs = [Rivals(CREEP, LAG)]
+    pairs = [EffectPair(CREEP, LAG)]
     plan = plan_for(pairs, [m for m in MANOEUVRES.values() if not m.by_hand], SUBJECT)
-    assert plan.separation(0) >= ENOUGH
+    assert plan.separation(0) >= DECISIVE_SEPARATION
     before = sum(choice.separations[0] for choice in plan.choices[:-1])
-    assert before < ENOUGH
+    assert before < DECISIVE_SEPARATION
     assert plan.seconds < full_plan(list(MANOEUVRES.values())).seconds
 
 
 def test_gains_fall_as_less_is_lacking():
-    plan = plan_for([Rivals(CREEP, LAG)], [MANOEUVRES["steps"]], SUBJECT)
+    plan = plan_for([EffectPair(CREEP, LAG)], [MANOEUVRES["steps"]], SUBJECT)
     choice = plan.choices[0]
     (found,) = choice.separations
     assert choice.gain([0.5 * found]) == pytest.approx(0.5 * found / choice.seconds)

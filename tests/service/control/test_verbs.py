@@ -81,7 +81,7 @@ def result(hold=None, loads=(0.0, 0.0, 0.0, 0.0), time_s=0.0):
 
 def failed(time_s):
     """A search for the hold that did not converge."""
-    unknown = HoldAnswer(np.zeros(6), reachable=False, note="nothing is known", known=False)
+    unknown = HoldAnswer(np.zeros(6), reachable=False, note="nothing is known", valid=False)
     return replace(result(unknown, time_s=time_s), converged=False)
 
 

@@ -21,5 +21,5 @@ def test_pressures_are_taken_back_through_the_physics(monkeypatch, converged):
     inputs = SimpleNamespace(pressures=np.full(6, 1e4))
     estimate = SimpleNamespace(converged=converged, motion=np.zeros((18, 10)), inputs=inputs, residuals={})
     answer = arm.answer(estimate, np.zeros(4), None)
-    assert answer.known is converged
+    assert answer.valid is converged
     np.testing.assert_allclose(answer.pressures, 1.2e4 / 0.8 if converged else 0.0)

@@ -69,7 +69,7 @@ def estimator_of(
     settings: TrackerSettings,
     *,
     pressures_measured: bool,
-    guide: ArmModel[Any, Any] | None = None,
+    fast_model: ArmModel[Any, Any] | None = None,
     recorded: tuple[Floats, Floats] | None = None,
 ) -> TrackingEstimator[State]:
     """Make the estimator of a specimen, with its physics where it has any.
@@ -81,7 +81,7 @@ def estimator_of(
         suite: The sensors.
         settings: What the estimator assumes.
         pressures_measured: Whether pressures are readings at the arm, not set-points.
-        guide: A fast model with ``loads``, at whose answer the search starts where there are no physics.
+        fast_model: A fast model with ``loads``, at whose answer the search starts where there are no physics.
         recorded: Times [s], shape (samples,), and measured pressures [Pa], shape (samples, chambers), of the
             recording by whose base the sensors were registered, where they were.
 
@@ -89,7 +89,7 @@ def estimator_of(
         InputError: The model's loads are others, or an effect does not fit the arm.
     """
     if not specimen.physics:
-        return Estimator(stretched(model, specimen), suite, settings, guide)
+        return Estimator(stretched(model, specimen), suite, settings, fast_model)
     start = Inputs(np.zeros(model.chambers), np.zeros(len(model.loads)), np.zeros(3))
     rest = model.linearise(model.rest(), start).frames
     segments = Segments.of(specimen, model.sections, rest)
@@ -191,7 +191,7 @@ class AugmentedEstimator(Generic[State, Step]):
         if np.isfinite(estimate.vector).all() and estimate.status != "diverged":
             self._last = self._response(estimate.frames)
             self._pull = (self._distribution.matrix @ estimate.inputs.loads).reshape(self._pull.shape)
-            self._bend(shaped, estimate)
+            self._update_stiffness(shaped, estimate)
         return estimate
 
     def suite_at(self, pressures: Floats) -> SensorSuite:
@@ -215,7 +215,7 @@ class AugmentedEstimator(Generic[State, Step]):
             commanded = np.maximum(commanded + pressures - acting, 0.0)
         return commanded
 
-    def _bend(self, drive: Drive, estimate: ArmEstimate[State]) -> None:
+    def _update_stiffness(self, drive: Drive, estimate: ArmEstimate[State]) -> None:
         """Set the stiffness of the segments to that in an estimate's pose; the couples keep their strains."""
         if not any(placed.field == "eigenstrains" for placed in self._effects):
             return

@@ -24,8 +24,8 @@ from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.identifiability import KEPT, fitted, identify, kept
 from softarm.estimator.calibration.layout import Layout, build_layout
 from softarm.estimator.calibration.nodes import (
-    NEVER_TOGETHER,
-    TOGETHER,
+    NEVER_SIMULTANEOUS,
+    RECORD_SIMULTANEOUSLY,
     Nodes,
     choose_nodes,
     training_blocks,
@@ -199,7 +199,9 @@ def _choose(runs: Sequence[CalibrationRun], lags: Sequence[float | None], count:
     shares = [max(8, round(count * duration / sum(durations))) for duration in durations]
     chosen = tuple(choose_nodes(run, share) for run, share in zip(aligned, shares, strict=True))
     if not sum(len(run_nodes.time) for run_nodes in chosen):
-        raise CalibrationRefusedError(", ".join(run.name for run in runs), NEVER_TOGETHER, TOGETHER)
+        raise CalibrationRefusedError(
+            ", ".join(run.name for run in runs), NEVER_SIMULTANEOUS, RECORD_SIMULTANEOUSLY
+        )
     return tuple(run_nodes for run_nodes in chosen if len(run_nodes.time))
 
 

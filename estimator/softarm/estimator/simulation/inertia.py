@@ -207,30 +207,30 @@ class VibratingArm:
         dynamics: How it vibrates.
         damping: Shares of the masses [1/s] and of the stiffness [s] that damp.
         delay: By how much motion follows what drives it later than it should [s].
-        known: Samples at which the quasi-static strains are known, shape (samples,).
-        free: Those of them at which no known load holds the arm, shape (samples,).
+        valid: Samples at which the quasi-static strains are known, shape (samples,).
+        unloaded: Those of them at which no known load holds the arm, shape (samples,).
     """
 
     clock: Floats
     dynamics: StrainDynamics
     damping: tuple[float, float]
     delay: float
-    known: Flags
-    free: Flags
+    valid: Flags
+    unloaded: Flags
 
     def lag(self, still: Floats) -> Floats:
         """Return by how much strains vibrate about quasi-static ones, shape (samples, strains, ...)."""
-        if not self.known.any():
+        if not self.valid.any():
             return np.zeros_like(still)
         before, after, share = self._delayed
         wide = (-1, *(1,) * (still.ndim - 1))
         late = still[before] + share.reshape(wide) * (still[after] - still[before])
-        return np.where(self.free.reshape(wide), self._integrate(late) - still, 0.0)
+        return np.where(self.unloaded.reshape(wide), self._integrate(late) - still, 0.0)
 
     @cached_property
     def _delayed(self) -> tuple[Indices, Indices, Floats]:
         """Known samples before and after what drives the arm at each sample, and the share of the later."""
-        valid, wanted = np.flatnonzero(self.known), self.clock - self.delay
+        valid, wanted = np.flatnonzero(self.valid), self.clock - self.delay
         after = np.clip(np.searchsorted(self.clock[valid], wanted), 1, max(len(valid) - 1, 1))
         before, after = valid[after - 1], valid[np.minimum(after, len(valid) - 1)]
         wide = np.maximum(self.clock[after] - self.clock[before], 1e-12)

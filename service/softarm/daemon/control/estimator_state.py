@@ -143,7 +143,7 @@ class EstimatorState:
         """Keep the newest result of the estimator; the wall clock dates a contact."""
         self.failures = 0 if result.converged else self.failures + 1
         self.result = result
-        if result.hold is not None and result.hold.known:
+        if result.hold is not None and result.hold.valid:
             self._held = result.hold, result
         # A contact neither begins nor ends by an estimate that did not converge.
         if result.converged:
@@ -180,7 +180,7 @@ class EstimatorState:
     def hold(self) -> HoldAnswer | None:
         """Pressures that would hold the measured pose, from the newest estimate; ``None`` when unknown."""
         answer = self.hold_answer
-        return answer if answer is not None and answer.known else None
+        return answer if answer is not None and answer.valid else None
 
     @property
     def hold_answer(self) -> HoldAnswer | None:

@@ -46,7 +46,7 @@ class HoldSolver:
         pressures = estimate.inputs.pressures
         if not estimate.converged or not np.isfinite(estimate.motion).all():
             note = "the estimate did not converge, so nothing is known of the pose"
-            return HoldAnswer(np.zeros(len(self.limits)), reachable=False, note=note, known=False)
+            return HoldAnswer(np.zeros(len(self.limits)), reachable=False, note=note, valid=False)
         held = replace_loads(estimate, self.suite, self.limits, tare)
         wanted = self._clipped_command(pressures + held.change)
         if target is None:

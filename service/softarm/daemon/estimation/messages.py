@@ -91,7 +91,7 @@ class HoldAnswer:
         pressures: As commanded to the valves, gauge [Pa], shape (chambers,).
         reachable: Whether they hold it within the sensors' noise.
         note: What limits the arm, in words.
-        known: Whether there is an answer; otherwise the pressures mean nothing and only the note counts.
+        valid: Whether there is an answer; otherwise the pressures mean nothing and only the note counts.
         towards: Change of the commanded pressures that would bring the arm to the target [Pa], shape
             (chambers,); ``None`` without a target.
         residuals: Residuals of the estimate in the measured pose, by sensor.
@@ -100,7 +100,7 @@ class HoldAnswer:
     pressures: Floats
     reachable: bool
     note: str
-    known: bool = True
+    valid: bool = True
     towards: Floats | None = None
     residuals: Mapping[str, Floats] = field(default_factory=dict)
 

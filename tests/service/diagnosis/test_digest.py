@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from softarm.analysis.diagnosis.done import (
+from softarm.analysis.diagnosis.digest import (
     digest_of,
     report_up_to_date,
     specimen_up_to_date,
