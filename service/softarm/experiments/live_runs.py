@@ -188,13 +188,13 @@ def _show_and_hold(rig: LiveRig, rest: Floats, goal: Floats) -> tuple[float, flo
     rig.arm()
     rig.client.teach.start()
     for share in np.linspace(0.25, 1.0, 4):
-        rig.operator.lead("tip", rest + share * (goal - rest))
+        rig.operator.guide("tip", rest + share * (goal - rest))
         rig.wait(0.3)
     rig.wait(2.0)
     shown = rig.now
     hold = rig.client.teach.hold(ramp_s=1.5)
     rig.wait(1.8)
-    rig.operator.let_go()
+    rig.operator.release()
     rig.wait(4.0)
     held, mode = rig.now, rig.client.state().mode
     if mode != "HOLDING":

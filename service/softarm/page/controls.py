@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import viser
 
 from softarm.page import readings
-from softarm.page.operator import Operator, short_of
+from softarm.page.operator import Operator, unreachable_note
 from softarm.page.text import plain
 from softarm_client import Arm
 from softarm_client.messages import SectionPose, State
@@ -79,7 +79,7 @@ class Controls:
 
     def _show_chosen(self) -> None:
         pose = self._known.get(self._saved.value)
-        short = "" if pose is None else short_of(pose)
+        short = "" if pose is None else unreachable_note(pose)
         self._beyond.content = readings.reading("beyond", f'<span class="warning">{plain(short)}</span>')
         self._show_pose(() if pose is None else pose.sections)
 
@@ -94,7 +94,7 @@ class Controls:
 
     @property
     def operator(self) -> Operator:
-        """Acts for whoever sits at the page."""
+        """Acts on behalf of the user of the page."""
         return self._operator
 
     def _notify(self, text: str) -> None:

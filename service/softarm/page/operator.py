@@ -16,7 +16,7 @@ RENEW_S = 0.2
 
 
 class Operator:
-    """Acts for whoever sits at the page.
+    """Acts on behalf of the user of the page.
 
     While the dead-man is pressed the arm is armed and can be taught by hand. Once it is let go, and no pose
     is held, the lease is no longer renewed and the arm vents. A held pose lives as long as a browser shows
@@ -69,11 +69,11 @@ class Operator:
             return  # the last one is still being carried out
         try:
             self._pressed_s = self._clock()
-            self._lead_to_teach()
+            self._enter_teach()
         finally:
             self._acting.release()
 
-    def _lead_to_teach(self) -> None:
+    def _enter_teach(self) -> None:
         commands = {Mode.IDLE: self._client.arm, Mode.ARMED: self._client.teach.start}
         if self._mode in commands and self._acquire():
             self._send(commands[Mode(self._mode)])
@@ -140,7 +140,7 @@ class Operator:
             self._notify(f"refused: {refusal}")
             return False
         self._mode = result.mode
-        short = short_of(result) if isinstance(result, Pose) else ""
+        short = unreachable_note(result) if isinstance(result, Pose) else ""
         self._notify("; ".join(filter(None, (f"the arm is {self._mode}", done, short))))
         return True
 
@@ -164,6 +164,6 @@ class Operator:
                 self._acquire()
 
 
-def short_of(pose: Pose) -> str:
+def unreachable_note(pose: Pose) -> str:
     """Return why a pose is out of reach, nothing when it is not."""
     return "" if pose.reachable else pose.note

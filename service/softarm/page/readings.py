@@ -11,7 +11,7 @@ from softarm_client.modes import PRESSURISED, Mode
 
 COLOURS = ("#e08a00", "#2ca02c", "#9467bd", "#17a2b8", "#8c564b", "#e377c2")
 """Of the forces, in the order of the sections: the arrow, the curve and the table's row."""
-IN_WORDS: Mapping[str, str] = {
+MODE_DESCRIPTIONS: Mapping[str, str] = {
     Mode.STARTING: "The service starts. The arm is vented.",
     Mode.IDLE: "The arm is vented and accepts no set-points.",
     Mode.ARMED: "The valves follow set-points. Pressures may change at any time.",
@@ -49,7 +49,7 @@ def status(state: State) -> str:
     cause = f'<div class="fault">{plain(state.fault_cause)}</div>' if state.fault_cause else ""
     wrong = sorted(state.findings, key=_rank)
     findings = "".join(f'<div class="{_rank_name(f)}">{_finding(f)}</div>' for f in wrong)
-    words = f"{IN_WORDS.get(state.mode, '')} {plain(state.teach_note or '')}"
+    words = f"{MODE_DESCRIPTIONS.get(state.mode, '')} {plain(state.teach_note or '')}"
     lease = f"Lease: {plain(state.lease.holder or 'free')}."
     return reading(
         "status",

@@ -1,6 +1,6 @@
 import pytest
 
-from softarm.page.operator import GRACE_S, Operator, short_of
+from softarm.page.operator import GRACE_S, Operator, unreachable_note
 from softarm_client.commands import Refused
 from softarm_client.errors import CommandRefusedError
 from softarm_client.modes import Mode
@@ -110,7 +110,7 @@ def test_saved_pose_is_gone_to_from_idle(desk):
 
 def test_poses_out_of_reach_are_told_with_the_reason(desk):
     poses = desk.operator.poses()
-    assert [short_of(poses[name]) for name in "ab"] == ["", "12 mm short"]
+    assert [unreachable_note(poses[name]) for name in "ab"] == ["", "12 mm short"]
     desk.operator.go_to("b")
     assert desk.told[-1] == "the arm is HOLDING; 12 mm short"
 

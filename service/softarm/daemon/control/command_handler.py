@@ -185,7 +185,9 @@ class CommandHandler:
         if isinstance(request, MovingRequest):
             self._context.controller.lease.check(request.lease, self._context.clock_ns())
             if not self._context.controller.lease.accept_sequence(request.sequence):
-                raise RefusalError("stale", f"sequence {request.sequence} is not new", "count upwards")
+                raise RefusalError(
+                    "stale", f"sequence {request.sequence} is not new", "increase it with every command"
+                )
         if isinstance(request, GuardedRequest):
             self._check_holder(request)
         return request
@@ -213,7 +215,7 @@ class CommandHandler:
             raise RefusalError("stale", f"the deadline passed {-remaining_s:.3f} s ago", hint)
         if remaining_s > FARTHEST_DEADLINE_S:
             message = f"the deadline is {remaining_s:.1f} s ahead, more than {FARTHEST_DEADLINE_S:g} s"
-            raise RefusalError("stale", message, f"send a nearer deadline; if it was near, {SET_CLOCKS}")
+            raise RefusalError("stale", message, f"send an earlier deadline; if it was early, {SET_CLOCKS}")
 
     def _refuse_blocked(self, mode: Mode, what: str = "") -> None:
         faults = self._context.blocking(mode)
@@ -249,7 +251,7 @@ class CommandHandler:
     def _set_pressures(self, request: SetPressures) -> Answer:
         controller = self._context.controller
         if controller.modes.mode not in (Mode.ARMED, Mode.EXPERIMENT):
-            message = f"set-points are not taken in {controller.modes.mode}"
+            message = f"set-points are not accepted in {controller.modes.mode}"
             raise RefusalError("wrong_mode", message, MODE_HINTS[controller.modes.mode])
         setpoint = controller.request_setpoint(
             np.array(request.pressures_pa), request.lifetime_s, self._context.clock_ns()
@@ -342,7 +344,7 @@ class CommandHandler:
             raise RefusalError("not_available", f"no pose {request.name!r}", f"saved poses: {known}")
         self._refuse_blocked(Mode.HOLDING)
         goal = HoldGoal(np.array(pose.pressures_pa), pose.target)
-        self._begin_hold(goal, request, f"{request.client} goes to {request.name}")
+        self._begin_hold(goal, request, f"{request.client} moves to {request.name}")
         return {
             "name": request.name,
             "pressures_pa": list(pose.pressures_pa),

@@ -23,7 +23,7 @@ def check_valves(observation: ServiceHealth) -> Iterator[Diagnostic]:
     if valves.lost and not quiet:
         age = "never answered" if valves.age_s is None else f"has not answered for {valves.age_s:.2f} s"
         message = f"the valve bank {age}"
-        hint = "check power, network and address; the watchdog of the terminal vents meanwhile"
+        hint = "check power, network and address; the watchdog of the terminal vents in the meantime"
         if observation.busy and valves.age_s is not None:
             message = f"{message}, while {observation.busy}"
             hint = f"the processor is late, perhaps not the valves: {REDUCE_THE_LOAD}"
@@ -79,7 +79,7 @@ def _connection(device: DeviceStatus, observation: ServiceHealth) -> Iterator[Di
     if device.gave_up:
         hint = f"{device.cure}; then command device/reconnect"
         yield Diagnostic(
-            "device_gave_up", device.name, "warning", f"{device.error}; the service does not try again", hint
+            "device_gave_up", device.name, "warning", f"{device.error}; the service does not retry", hint
         )
     elif not device.connected and (device.error or not observation.settling):
         message = device.error or "is not connected yet"
@@ -94,7 +94,7 @@ def _connection(device: DeviceStatus, observation: ServiceHealth) -> Iterator[Di
 FAILURES_ALLOWED = 20
 """A fifth of a second at 100 Hz: an arm that is pushed may cost a few estimates."""
 MODES_USING_THE_ESTIMATE = frozenset({Mode.TEACH, Mode.HOLDING})
-"""Modes whose pressures come from the estimate; an experiment plays its own and may excite oscillations."""
+"""Modes whose pressures come from the estimate; an experiment applies its own and may excite oscillations."""
 
 
 def check_estimator(observation: ServiceHealth) -> Iterator[Diagnostic]:
@@ -129,7 +129,11 @@ def check_recorder(observation: ServiceHealth) -> Iterator[Diagnostic]:
     recorder = observation.recorder
     if recorder.error:
         yield Diagnostic(
-            "recorder_failed", "recorder", "warning", recorder.error, "free the disk, then record/start again"
+            "recorder_failed",
+            "recorder",
+            "warning",
+            recorder.error,
+            "free space on the disk, then record/start again",
         )
     elif recorder.active and recorder.dropped:
         message = f"{recorder.dropped} messages of this recording were dropped"
