@@ -344,13 +344,14 @@ class Stage:
     def _simulate(self, effects: Sequence[PlacedEffect]) -> Floats:
         loads = [placed.act(self.signals, ())[0] for placed in effects]
         met = np.flatnonzero(np.abs(loads).max(axis=(0, 2, 3)))
-        if not len(met):  # walls and cords out of reach
-            return np.where(self.arm.baseline.converged[:, None], np.zeros(self.residual.shape), np.nan)
-        # Loads of contact have no memory: elsewhere the arm answers to the drive as it is.
-        wrenches, there = self.drive.wrenches.copy(), self.arm.at(met)
-        wrenches[met] = simulate_with(effects, there, self.world, there.drive).drive.wrenches
-        response = self.arm.respond(replace(self.drive, wrenches=wrenches))
-        return self.innovation(self.suite.predict(response.frames))
+        change = np.zeros(self.residual.shape)
+        if len(met):  # else walls and cords are out of reach
+            # Loads of contact have no memory: elsewhere the arm answers to the drive as it is.
+            there = self.arm.at(met)
+            simulation = simulate_with(effects, there, self.world, there.drive)
+            readings = self.suite.predict(simulation.response.frames)
+            change[met] = self.suite.sensitivity(there.baseline.frames, readings).innovation
+        return np.where(self.arm.baseline.converged[:, None], change, np.nan)
 
     @cached_property
     def _exact(self) -> ExactModel:
