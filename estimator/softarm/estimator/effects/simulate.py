@@ -80,13 +80,15 @@ def simulate_with(
         for k, share in shares.items():
             wanted, after[k] = _share(effects[k], world, drive, response, share, before[k])
             residuals[k] = wanted - share
-        settled = all(float(np.abs(residual).max(initial=0.0)) < TOLERANCE for residual in residuals.values())
+        open_samples = np.any([_largest(residual) >= TOLERANCE for residual in residuals.values()], axis=0)
+        settled = not open_samples.any()
         if settled:
             break
         for k, residual in residuals.items():
             step = _relaxed(residual, old.get(k), FIRST_STEP[effects[k].field])
             old[k] = (residual, step)
-            shares[k] = shares[k] + _spread(step, residual) * residual
+            # Samples that have settled stay as they are, so that no arm need answer them again.
+            shares[k] = shares[k] + _spread(np.where(open_samples, step, 0.0), residual) * residual
         drive = _loaded(base, effects, shares)
         response = arm.respond(drive, response)
         passes += 1
@@ -180,6 +182,12 @@ def _share(
         signals = replace(signals, strains=signals.strains - previous)
     share, memory = placed.change(signals, before)
     return share.reshape(previous.shape), memory
+
+
+def _largest(residual: Floats) -> Floats:
+    """Return the largest size of each sample's residual, shape (samples,)."""
+    largest: Floats = np.abs(residual).reshape(len(residual), -1).max(axis=1, initial=0.0)
+    return largest
 
 
 def _spread(step: Floats, residual: Floats) -> Floats:
