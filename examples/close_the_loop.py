@@ -1,8 +1,8 @@
-"""The loop closed on the fakes: a mismatch, its diagnosis, the improved specimen, a better estimate.
+"""From a mismatch to a better estimate on simulated instruments.
 
-The fake arm gets an effect that its model lacks. The service, on the plain specimen, takes it for a force
-and says that the two disagree; recordings from before and after are diagnosed; a second service
-runs on the specimen that the diagnosis wrote, and the same motion no longer looks like a force.
+An effect that the model lacks is switched on in the fake arm. The service attributes it to a force and
+reports that model and measurements disagree. Recordings from before and after the change are diagnosed. A
+second service runs on the specimen that the diagnosis wrote; the same motion no longer looks like a force.
 
 Run it with: python examples/close_the_loop.py --out out/loop
 """
@@ -18,7 +18,7 @@ import click
 import numpy as np
 
 from softarm.analysis.diagnosis.report import Report, read_report
-from softarm.cli.output import say, show
+from softarm.cli.output import notify, show
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Table
 from softarm.estimator.excitation import ChosenManoeuvre, Manoeuvre
@@ -117,15 +117,15 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, lis
     settings = RigSettings(DEMO_SCENARIO, specimen=specimen, endpoint=endpoint, sensors=("pose",))
     with FakeRig(settings, out / "before") as rig, connect(rig) as client:
         wait_ready(client)
-        menu = {m.name: m for m in manoeuvres_of(specimen_of_arm(client))}
-        say("the arm as it was built: recording")
+        manoeuvres = {m.name: m for m in manoeuvres_of(specimen_of_arm(client))}
+        notify("recording the unchanged arm")
         with FakeControl(str(rig.announcement["control"])) as fakes, client.lease():
-            built, nominal = watch(client, menu[WATCHED])
+            built, nominal = watch(client, manoeuvres[WATCHED])
             fakes.ask("switch", effect="chamber_gain", value=EFFECT)
-            say("something has changed in it: recording")
-            suspect = _record(client, menu, SUSPECT)
-            before, watched = watch(client, menu[WATCHED])
-    say("diagnosing")
+            notify("recording the changed arm")
+            suspect = _record(client, manoeuvres, SUSPECT)
+            before, watched = watch(client, manoeuvres[WATCHED])
+    notify("diagnosing")
     report = diagnose([*suspect, watched], [nominal], specimen, out / "diagnosis")
     improved = RigSettings(
         DEMO_SCENARIO, specimen=str(out / "diagnosis" / SPECIMEN), endpoint=endpoint, sensors=("pose",)
@@ -134,13 +134,13 @@ def close_the_loop(specimen: str, out: Path, endpoint: str) -> tuple[Report, lis
         wait_ready(client)
         with FakeControl(str(rig.announcement["control"])) as fakes, client.lease():
             fakes.ask("switch", effect="chamber_gain", value=EFFECT)
-            say("the same arm on the improved specimen")
-            after, _ = watch(client, menu[WATCHED])
+            notify("running the changed arm with the improved specimen")
+            after, _ = watch(client, manoeuvres[WATCHED])
     return report, [built, before, after]
 
 
-def _record(client: Arm, menu: dict[str, Manoeuvre], names: Sequence[str]) -> list[Recorded]:
-    choices = [ChosenManoeuvre(menu[name]) for name in names]
+def _record(client: Arm, manoeuvres: dict[str, Manoeuvre], names: Sequence[str]) -> list[Recorded]:
+    choices = [ChosenManoeuvre(manoeuvres[name]) for name in names]
     return run_excitation(client, choices, lambda _: False, lambda _: None)
 
 
@@ -149,24 +149,24 @@ def _record(client: Arm, menu: dict[str, Manoeuvre], names: Sequence[str]) -> li
 @click.option("--specimen", help="Specimen of the arm before; that of the fake arm when left out.")
 @click.option("--endpoint", default="tcp/127.0.0.1:7448", show_default=True, help="zenoh endpoint to use.")
 def main(out: Path, specimen: str | None, endpoint: str) -> None:
-    """Close the loop on the fakes and print what was found and what it was good for."""
+    """Diagnose a change of the fake arm, and print the findings and how much they improve the estimate."""
     try:
         report, watched = close_the_loop(specimen or str(fake_specimen()), out, endpoint)
     except CommandRefusedError as refusal:
-        raise click.ClickException(f"{refusal}; run it again on a machine that does less") from refusal
+        raise click.ClickException(f"{refusal}; run it again on a less busy machine") from refusal
     for finding in report.findings:
-        say(finding.statement)
+        notify(finding.statement)
     _, changed, after = watched
     ratio = _median(after.forces) / _median(changed.forces)
     notes = (
-        f"Concealed: chamber {CHAMBER} lost {-100 * EFFECT['change']:.0f} %. No force acted on the arm: what "
-        f"it shows before the change is the error of its model. Medians while chamber {CHAMBER} is filled.",
-        f"Apparent force with what was found over that after the change: {ratio:.3g}. "
+        f"Concealed: chamber {CHAMBER} lost {-100 * EFFECT['change']:.0f} %. No force acted on the arm: "
+        f"the force before the change is an error of the model. Medians while chamber {CHAMBER} is filled.",
+        f"Ratio of the apparent force with the findings to that after the change: {ratio:.3g}. "
         f"Verdict: {report.verdict}.",
     )
-    names = ("before the change", "after the change", "with what was found")
+    names = ("before the change", "after the change", "with the findings")
     rows = [seen.row(name) for seen, name in zip(watched, names, strict=True)]
-    show(Table("The loop closed", rows, notes), as_json=False)
+    show(Table("Apparent force before and after the diagnosis", rows, notes), as_json=False)
 
 
 if __name__ == "__main__":

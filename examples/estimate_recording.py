@@ -3,7 +3,7 @@
 import sys
 from typing import Any
 
-from softarm.analysis.offline.inputs import taken_in
+from softarm.analysis.offline.inputs import check_and_correct
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track
 from softarm.common.rods import known_trusted_rod
@@ -15,7 +15,7 @@ from softarm.recordings import load_recording
 
 path, arm = sys.argv[1:]
 specimen = load_specimen(arm)
-recording = taken_in(load_recording(path, units_checked=False), specimen, print).for_estimates
+recording = check_and_correct(load_recording(path, units_checked=False), specimen, print).for_estimates
 run = resample(arrange(recording, specimen), rate=2.0)
 model: ArmModel[Any, Any] = known_trusted_rod(specimen) or build_arm(specimen)
 estimates = track(model, specimen, run)

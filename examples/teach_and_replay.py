@@ -8,7 +8,7 @@ with Arm(*sys.argv[1:]) as arm, arm.lease():
     arm.arm()
     for name in ("one", "two", "three"):
         arm.teach.start()
-        input(f"bring the arm into pose {name}, then press Return ")
+        input(f"move the arm into pose {name}, then press Return ")
         arm.teach.hold()
         input("the arm holds: let go, then press Return ")
         arm.teach.save(name)

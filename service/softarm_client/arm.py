@@ -13,7 +13,7 @@ from softarm_client.lease import LeasedConnection
 from softarm_client.messages import Estimate, Event, Mismatch, State, Surface
 from softarm_client.results import (
     Aligned,
-    Asked,
+    AppliedSetpoint,
     Cleared,
     Hold,
     Pose,
@@ -37,7 +37,7 @@ CLOSE_S = 20.0
 _POSES = TypeAdapter(dict[str, Pose])
 
 
-class Verbs:
+class CommandGroup:
     """A group of commands.
 
     Args:
@@ -52,10 +52,10 @@ class Verbs:
         return kind.model_validate({**answer.applied, "mode": answer.mode})
 
 
-class Pressures(Verbs):
+class Pressures(CommandGroup):
     """Set-points of the chambers."""
 
-    def set(self, pressures_pa: Sequence[float], lifetime_s: float = 1.0) -> Asked:
+    def set(self, pressures_pa: Sequence[float], lifetime_s: float = 1.0) -> AppliedSetpoint:
         """Ask for gauge pressures; needs the lease.
 
         Args:
@@ -65,15 +65,17 @@ class Pressures(Verbs):
         Returns:
             The set-points that the service took.
         """
-        return self._do("set_pressures", Asked, pressures_pa=tuple(pressures_pa), lifetime_s=lifetime_s)
+        return self._do(
+            "set_pressures", AppliedSetpoint, pressures_pa=tuple(pressures_pa), lifetime_s=lifetime_s
+        )
 
 
-class Teach(Verbs):
+class Teach(CommandGroup):
     """Poses taught by hand."""
 
-    def start(self) -> Asked:
+    def start(self) -> AppliedSetpoint:
         """Let the arm be moved by hand; needs the lease."""
-        return self._do("teach/start", Asked)
+        return self._do("teach/start", AppliedSetpoint)
 
     def hold(self, ramp_s: float = 2.0) -> Hold:
         """Ramp to the pressures that hold the present pose, and hold it; needs the lease."""
@@ -91,13 +93,13 @@ class Teach(Verbs):
         """Ramp to a saved pose and hold it; needs the lease."""
         return self._do("teach/goto", Hold, name=name, ramp_s=ramp_s)
 
-    def release(self) -> Asked:
+    def release(self) -> AppliedSetpoint:
         """End teaching or holding; needs the lease."""
-        return self._do("teach/release", Asked)
+        return self._do("teach/release", AppliedSetpoint)
 
 
-class Experiment(Verbs):
-    """The mode of an experiment, in which set-points are taken."""
+class Experiment(CommandGroup):
+    """The mode of an experiment, in which set-points are accepted."""
 
     def begin(self) -> Result:
         """Begin an experiment; needs the lease."""
@@ -108,7 +110,7 @@ class Experiment(Verbs):
         return self._do("experiment/end", Result)
 
 
-class Recordings(Verbs):
+class Recordings(CommandGroup):
     """Recordings on the service's host."""
 
     def start(self, name: str = "recording") -> RecordingStarted:
@@ -116,7 +118,7 @@ class Recordings(Verbs):
         return self._do("record/start", RecordingStarted, name=name)
 
     def stop(self) -> RecordingEnded:
-        """End the recording; its file is whole when this returns."""
+        """End the recording; its file is complete when this returns."""
         return self._do("record/stop", RecordingEnded, CLOSE_S)
 
 
@@ -186,33 +188,33 @@ class Arm(LeasedConnection):
         """Commands of recordings; a block is easier: ``recording``."""
         return Recordings(self)
 
-    def arm(self) -> Asked:
-        """Let the valves take set-points; needs the lease."""
-        return Verbs(self)._do("arm", Asked)
+    def arm(self) -> AppliedSetpoint:
+        """Let the valves accept set-points; needs the lease."""
+        return CommandGroup(self)._do("arm", AppliedSetpoint)
 
-    def disarm(self) -> Asked:
+    def disarm(self) -> AppliedSetpoint:
         """Vent; needs the lease."""
-        return Verbs(self)._do("disarm", Asked)
+        return CommandGroup(self)._do("disarm", AppliedSetpoint)
 
-    def stop(self) -> Asked:
-        """Vent at once and latch a fault; free to all, in every mode."""
-        return Verbs(self)._do("stop", Asked)
+    def stop(self) -> AppliedSetpoint:
+        """Vent at once and latch a fault; open to all clients, in every mode."""
+        return CommandGroup(self)._do("stop", AppliedSetpoint)
 
     def clear(self) -> Cleared:
         """Leave FAULTED once the cause is gone."""
-        return Verbs(self)._do("clear", Cleared)
+        return CommandGroup(self)._do("clear", Cleared)
 
     def tare(self) -> Tared:
         """Take the present external force as zero."""
-        return Verbs(self)._do("estimate/tare", Tared)
+        return CommandGroup(self)._do("estimate/tare", Tared)
 
     def align_at_rest(self) -> Aligned:
         """Align inertial units with the model while the arm hangs vented and free."""
-        return Verbs(self)._do("calibrate/rest", Aligned)
+        return CommandGroup(self)._do("calibrate/rest", Aligned)
 
     def reconnect(self, device: str) -> Reconnected:
         """Close a device and connect it again."""
-        return Verbs(self)._do("device/reconnect", Reconnected, 10.0, device=device)
+        return CommandGroup(self)._do("device/reconnect", Reconnected, 10.0, device=device)
 
     def surface(self) -> Surface:
         """Return the arm's outer surface at rest, for drawing the shapes of ``subscribe_shape``."""

@@ -59,7 +59,7 @@ class MovingRequest(Request):
 
 
 class GuardedRequest(Request):
-    """A request that needs the lease while somebody holds it, and is free to all otherwise."""
+    """A request that needs the lease while somebody holds it, and is open to all clients otherwise."""
 
 
 class SetPressures(MovingRequest):

@@ -64,7 +64,7 @@ class Connection:
         self.close()
 
     def close(self) -> None:
-        """Close the session; a lease still held runs out by itself."""
+        """Close the session; a lease that is still held expires."""
         for ended in tuple(self._on_close):
             ended()
         self._watching.close()

@@ -20,7 +20,7 @@ class HeldLease:
     """A lease that a thread renews.
 
     Args:
-        ends_s: Monotonic time at which it runs out unless renewed [s].
+        ends_s: Monotonic time at which it expires unless renewed [s].
         troubled: Whether the last renewal failed.
         reason: Why it was lost; empty while it is held.
         lost: Set when it is lost.

@@ -75,7 +75,7 @@ class LeaseState(Message):
 
 
 class State(Message):
-    """Stream ``state``: the arm as the service knows it."""
+    """Stream ``state``: the state of the arm and of the service."""
 
     type: Literal["softarm.state/1"] = "softarm.state/1"
     stamp: Stamp
@@ -133,7 +133,7 @@ class Contact(Message):
 
 
 class Estimate(Message):
-    """Stream ``estimate``: the external force and what is known of it."""
+    """Stream ``estimate``: the external force and its uncertainty."""
 
     type: Literal["softarm.estimate/1"] = "softarm.estimate/1"
     stamp: Stamp

@@ -13,7 +13,7 @@ class Result(Message):
     mode: str
 
 
-class Asked(Result):
+class AppliedSetpoint(Result):
     """Set-points after a command.
 
     Args:

@@ -80,8 +80,8 @@ def open_session(settings: NetworkSettings) -> zenoh.Session:
         UnreachableError: An endpoint is taken, or nothing answers at it.
     """
     where = str(settings.zenoh_config or "network")
-    for endpoint in open_to_anybody(settings):
-        what = f"{endpoint} lets anybody on the network in"
+    for endpoint in unauthenticated_endpoints(settings):
+        what = f"{endpoint} gives everybody on the network access"
         cure = "add users or client certificates (deploy/zenoh), or allow it by allow_unauthenticated"
         raise SetupError(where, what, cure)
     config = read_zenoh_config(settings.zenoh_config)
@@ -114,7 +114,7 @@ def read_zenoh_config(path: Path | None) -> zenoh.Config:
         config = zenoh.Config.from_file(str(chosen))
     except zenoh.ZError as error:
         reason = _reason(error)
-        raise SetupError(str(path), f"is no zenoh configuration ({reason})", "see deploy/zenoh") from error
+        raise SetupError(str(path), f"is not a zenoh configuration ({reason})", "see deploy/zenoh") from error
     for key in FILE_KEYS:
         named = _value(config, key)
         if isinstance(named, str):
@@ -136,7 +136,7 @@ def credential(path: Path) -> Path:
     return handed if handed.is_file() else path
 
 
-def open_to_anybody(settings: NetworkSettings) -> tuple[str, ...]:
+def unauthenticated_endpoints(settings: NetworkSettings) -> tuple[str, ...]:
     """Return the endpoints beyond this host on which no credentials are asked for.
 
     Raises:

@@ -61,7 +61,7 @@ async def on_the_wire(seconds: float) -> tuple[Table, ...]:
     fastest = await _fastest(chosen[:1], seconds)
     return (
         Table("Drivers on the wire", rates, ("Each at its device's own rate, all at once.",)),
-        Table("Valve bank at its fastest", fastest, (f"Asked for {FASTEST_HZ:g} passes a second.",)),
+        Table("Valve bank at its fastest", fastest, (f"Requested: {FASTEST_HZ:g} passes a second.",)),
         Table(
             "Coming back",
             returns,

@@ -278,7 +278,7 @@ async def _strike_once(target: Target, fault: Any, board: Any, dice: random.Rand
     """Switch a fault on and off, wait until the device is well, and keep whether it was noticed."""
     loop, subject, watcher = asyncio.get_running_loop(), target.subject, target.watcher
     before, hits = target.signs(), board.counts[fault.name]
-    standing = {alarm.key for alarm in target.device.health.alarms.standing}
+    standing = {alarm.key for alarm in target.device.health.alarms.active}
     lasts = ONCE_S if fault.once else dice.uniform(*LASTING_S)
     if fault.name in subject.blind:
         watcher.blind_until = math.inf
@@ -288,7 +288,7 @@ async def _strike_once(target: Target, fault: Any, board: Any, dice: random.Rand
     while waits:
         await asyncio.sleep(LOOK_S)
         noticed = noticed or target.device.state is not ConnectionState.STREAMING
-        noticed = noticed or bool({a.key for a in target.device.health.alarms.standing} - standing)
+        noticed = noticed or bool({a.key for a in target.device.health.alarms.active} - standing)
         if loop.time() >= ends and board.active(fault.name):
             board.clear(fault.name)
         await _revive(target)

@@ -19,7 +19,7 @@ from typing import Any
 
 import click
 
-from softarm.cli.output import say
+from softarm.cli.output import notify
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table, as_markdown
 
@@ -168,9 +168,9 @@ def command(names: tuple[str, ...]) -> int:
     from acceptance.figures import FIGURES
 
     for name in names:
-        say(f"running softarm {' '.join(COMMANDS[name])}")
+        notify(f"running softarm {' '.join(COMMANDS[name])}")
         run_command(name)
     PAGE.write_text(measured_page(), "utf-8")
     README.write_text(with_figures(README.read_text("utf-8"), FIGURES), "utf-8")
-    say(f"wrote {PAGE.relative_to(CHECKOUT)} and the figures of README.md")
+    notify(f"wrote {PAGE.relative_to(CHECKOUT)} and the figures of README.md")
     return 0

@@ -22,7 +22,7 @@ from softarm.analysis.offline.alignment import quick_model
 from softarm.analysis.offline.inputs import cut, load_recordings
 from softarm.analysis.offline.resample import resample
 from softarm.analysis.offline.track import track
-from softarm.cli.output import PATH, json_option, progress, quick_option, say, show
+from softarm.cli.output import PATH, json_option, notify, progress, quick_option, show
 from softarm.common.tables import Cell, Table, as_markdown
 from softarm.estimator.arm import build_arm
 from softarm.estimator.arrays import Flags, Floats
@@ -41,9 +41,9 @@ from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Modulus
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Inputs
-from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
 from softarm.estimator.response import BatchArmModel, BatchInputs
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.specimen import Calibration, Specimen, load_specimen
 from softarm.estimator.stretch import StretchLaw
 
@@ -93,7 +93,7 @@ def command(as_json: bool, quick: bool, write: Path | None) -> None:
     show(*tables, as_json=as_json)
     if write is not None:
         write.write_text(f"{PAGE}\n{as_markdown(*tables)}\n", encoding="utf-8")
-        say(f"wrote {write}")
+        notify(f"wrote {write}")
 
 
 def recordings_folder() -> Path:
@@ -118,7 +118,7 @@ def described(name: str) -> Specimen:
 def named_model(specimen: Specimen, advance: Callable[[float], None]) -> tuple[BatchArmModel, str]:
     """Return what a calibration runs on, and its name."""
     model = quick_model(specimen, advance)
-    return model, "finite elements" if isinstance(model, NodeByNode) else "the calibrated rod"
+    return model, "finite elements" if isinstance(model, SequentialBatchModel) else "the calibrated rod"
 
 
 @dataclass(frozen=True)
@@ -144,7 +144,7 @@ def arm_tables(folder: Path, nodes: int, advance: Callable[[float], None]) -> tu
     """Calibrate the SoPrA arm on alternate blocks of ten seconds, predict the others, and the other way."""
     specimen = described("sopra")
     (recording,) = load_recordings([folder / ARM])
-    mesh = NodeByNode(build_arm(specimen, loads=()), advance)
+    mesh = SequentialBatchModel(build_arm(specimen, loads=()), advance)
     solver, solved_by = named_model(specimen, advance)
     run = arrange(recording, specimen, solver.sections)
     even = training_blocks(block_of(run, run.time))
@@ -261,7 +261,7 @@ def segment_rows(recordings: Sequence[Recording], advance: Callable[[float], Non
     specimen = described("single_segment")
     model = build_arm(specimen, ())
     bounded = replace(model.settings, total_iterations=LINEAR_SOLVES)
-    solver = NodeByNode(replace(model, settings=bounded), advance)
+    solver = SequentialBatchModel(replace(model, settings=bounded), advance)
     ends = [cut(recording, settled(recording, SETTLED_STEP)) for recording in recordings]
     pressures = np.array([float(np.nanmean(end.pressure(0)[0])) for end in ends])
     runs = [arrange(end, specimen, solver.sections) for end in ends]
@@ -316,7 +316,7 @@ def beam_tables(folder: Path, advance: Callable[[float], None]) -> tuple[Table, 
     model = build_arm(specimen)
     options = Options(fit_lag=False)
     runs = [arrange(cut(bare, settled(bare)), specimen, model.sections)]
-    found = calibrate(NodeByNode(model.with_loads(()), advance), specimen, runs, options)
+    found = calibrate(SequentialBatchModel(model.with_loads(()), advance), specimen, runs, options)
     calibrated = calibrated_specimen(specimen, found)
     scale = calibrated.calibration.modulus_scale["upper"]
     young = specimen.materials[specimen.segments[0].material].young

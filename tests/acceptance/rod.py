@@ -9,7 +9,7 @@ import click
 import numpy as np
 
 import softarm.estimator.rod
-from softarm.cli.output import json_option, progress, quick_option, say, show
+from softarm.cli.output import json_option, notify, progress, quick_option, show
 from softarm.common.rods import fit_now, fitted_rod
 from softarm.common.tables import Cell, Table
 from softarm.estimator.arm import build_arm, default_loads
@@ -59,7 +59,7 @@ def command(names: tuple[str, ...], write: bool, quick: bool, as_json: bool) -> 
         with progress(f"{specimen.name}: rod") as advance:
             fitted = _rod(specimen, write, advance)
         if write:
-            say(f"wrote {_ship(specimen, name, fitted)}")
+            notify(f"wrote {_ship(specimen, name, fitted)}")
         with progress(f"{specimen.name}: check") as advance:
             errors += error_rows(specimen, fitted, quick, advance)
         costs += cost_rows(specimen, fitted)

@@ -13,9 +13,9 @@ from typing import Any
 
 from softarm.daemon.config import ServiceConfig, Setup
 from softarm.daemon.control.channels import channel_readings
+from softarm.daemon.control.dependencies import Clocks, LoopDependencies
 from softarm.daemon.control.instruments import LiveInstruments
 from softarm.daemon.control.readings import Readings, channel
-from softarm.daemon.control.surroundings import Clocks, Surroundings
 from softarm.daemon.control.tick import TickSchedule
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
 from softarm.daemon.estimation.solver import Solver, SolverSettings
@@ -151,7 +151,7 @@ class SafetyArm:
         self.gaps = PoseGaps([channel(sensor) for sensor in config.sensors if sensor.needed])
         self.loop = ControlLoop(
             self._setup,
-            Surroundings(
+            LoopDependencies(
                 self._instruments,
                 self._estimator,
                 Silence(),
@@ -167,7 +167,7 @@ class SafetyArm:
     def _instruments(self, readings: Readings) -> LiveInstruments:
         def take(reading: Reading[Any]) -> None:
             self.gaps.take(reading)
-            readings.take(reading)
+            readings.on_reading(reading)
 
         self.instruments = LiveInstruments(self._setup, take, clock_ns)
         return self.instruments
@@ -207,7 +207,7 @@ class SafetyArm:
         schedule = TickSchedule(clock_ns() + interval_ns, interval_ns)
         while True:
             await asyncio.sleep(max(0.0, (schedule.next_deadline_ns - clock_ns()) / NANOSECONDS))
-            tick = schedule.take(clock_ns())
+            tick = schedule.begin_tick(clock_ns())
             if tick.index % LEASE_EVERY == 0:
                 await self._renew()
             self.loop.step(tick)

@@ -26,7 +26,7 @@ from softarm.estimator.arm import model_on_mesh
 from softarm.estimator.arrays import Floats
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel
-from softarm.estimator.fem.tracking.model import Carrier
+from softarm.estimator.fem.tracking.model import RotationStrainUpdate
 from softarm.estimator.fem.tracking.rotation_strain import SingleRotationStrain
 from softarm.estimator.geometry import DEFAULTS, Resolution, build_mesh
 from softarm.estimator.inverse import Estimator
@@ -57,19 +57,19 @@ Sample = tuple[Inputs, Floats, Floats]
 class StraightSteps:
     """Carries steps along, but moves straight along them."""
 
-    carrier: Carrier
+    strain_update: RotationStrainUpdate
 
     def __getattr__(self, name: str) -> Any:
-        return getattr(self.carrier, name)
+        return getattr(self.strain_update, name)
 
     def moved(self, displacement: Floats, deformation: Any, step: Floats, rotations: Any) -> Floats:
         """Move by a linear step, carried along the rotations."""
         del deformation
-        divergence = self.carrier.carried_divergence(rotations, step)
-        return displacement + self.carrier.solve_poisson(divergence)
+        divergence = self.strain_update.corotated_divergence(rotations, step)
+        return displacement + self.strain_update.solve_poisson(divergence)
 
 
-class NothingCarried:
+class WithoutRotation:
     """Takes the old factor's steps as they are."""
 
     def deformation(self, displacement: Floats) -> Floats:
@@ -83,7 +83,7 @@ class NothingCarried:
         """Return the values: no step is put together from gradients."""
         return nodal
 
-    def carried_divergence(self, rotations: None, nodal: Floats) -> Floats:  # noqa: ARG002
+    def corotated_divergence(self, rotations: None, nodal: Floats) -> Floats:  # noqa: ARG002
         """Return the step as it is."""
         return nodal
 
@@ -117,10 +117,10 @@ def tracking_parts(
         rate_hz: Instants per second.
     """
     fast = SingleRotationStrain.of(model.body)
-    cases: dict[str, tuple[Carrier | None, bool, bool]] = {
+    cases: dict[str, tuple[RotationStrainUpdate | None, bool, bool]] = {
         "nothing": (fast, True, True),
         "background factorisation": (fast, True, False),
-        "carrying the factor along with the material": (NothingCarried(), True, True),
+        "carrying the factor along with the material": (WithoutRotation(), True, True),
         "finite rotations of steps": (StraightSteps(fast), True, True),
         "single-precision factor": (fast, False, True),
         "compiled single-precision rotation-strain": (model.body.rotation_strain, True, True),
@@ -131,12 +131,16 @@ def tracking_parts(
     converged = dict.fromkeys(cases, 0)
     with ExitStack() as stack:
         threads, estimators = {}, {}
-        for name, (carrier, single, background) in cases.items():
+        for name, (strain_update, single, background) in cases.items():
             thread = None
             if background:
                 thread = stack.enter_context(BackgroundFactorisation(model, single=single))
             threads[name] = thread
-            tracked = TrackingModel(model, thread, carrier=carrier, single=single) if carrier else model
+            tracked = (
+                TrackingModel(model, thread, strain_update=strain_update, single=single)
+                if strain_update
+                else model
+            )
             estimators[name] = make(tracked)
         names = list(cases)
         for k, (inputs, readings, pressures) in enumerate(samples):

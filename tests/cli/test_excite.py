@@ -22,7 +22,7 @@ def choice(seconds: float) -> ChosenManoeuvre:
     return ChosenManoeuvre(path)
 
 
-def test_a_dry_run_prints_the_whole_menu(capsys: pytest.CaptureFixture[str]):
+def test_a_dry_run_prints_all_manoeuvres(capsys: pytest.CaptureFixture[str]):
     assert run(["excite", "--dry-run", "--specimen", "sopra", "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
     assert {"growing_cycles", "steps", "poses"} <= {row["manoeuvre"] for row in rows}

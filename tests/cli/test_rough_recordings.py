@@ -1,4 +1,4 @@
-"""Faults planted into recordings, through the commands: mended with a sentence, or refused in one line."""
+"""Faults planted into recordings, through the commands: corrected with a sentence, or refused in one line."""
 
 import json
 from collections.abc import Callable
@@ -130,7 +130,7 @@ def valve() -> Recording:
 
 
 @pytest.mark.parametrize("name", VALVES)
-def test_a_fault_that_is_mended_changes_no_finding(
+def test_a_fault_that_is_corrected_changes_no_finding(
     name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recording = valve()
@@ -141,6 +141,6 @@ def test_a_fault_that_is_mended_changes_no_finding(
     report = json.loads(capsys.readouterr().out)
     findings = {finding["effect"]: finding for finding in report["findings"]}
     assert findings["pressure_bias"]["parameters"]["bias"]["value"] == pytest.approx(-3000.0, abs=300.0)
-    mended = {"frame_mismatch"} if name != "spikes" else set()
-    assert set(findings) <= {"pressure_bias", "line_lag", *mended}
-    assert mended <= set(findings)
+    corrected = {"frame_mismatch"} if name != "spikes" else set()
+    assert set(findings) <= {"pressure_bias", "line_lag", *corrected}
+    assert corrected <= set(findings)

@@ -77,7 +77,7 @@ def test_a_file_that_is_no_zenoh_configuration_is_named_with_its_fault(tmp_path,
     path = tmp_path / "users.toml"
     path.write_text("a = [1\n")
     assert run(["status", "--arm", "nobody", "--zenoh", str(path)]) == 2
-    assert "is no zenoh configuration (unclosed array, expected `]`)" in capsys.readouterr().err
+    assert "is not a zenoh configuration (unclosed array, expected `]`)" in capsys.readouterr().err
 
 
 def test_positions_are_rounded_to_micrometres(served):

@@ -59,13 +59,13 @@ def test_measures_that_do_not_fit_write_nothing(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("place", "nonsense", "why"),
     [
-        (0, "my arm!", "'my arm!' is no name: use letters, digits and _, a letter first"),
-        (4, "nan", "'nan' is no number from 0.2 to 2000 mm"),
-        (4, "long", "'long' is no number from 0.2 to 2000 mm"),
-        (4, "0.12", "'0.12' is no number from 0.2 to 2000 mm"),
-        (5, "0.16", "'0.16' is no number from 0.2 to 50000 g"),
-        (14, "1.07", "'1.07' is no number from 50 to 5000 kg/m3"),
-        (15, "50000", "'50000' is no number from 0.1 to 1000 kPa"),
+        (0, "my arm!", "'my arm!' is not a valid name: use letters, digits and _, a letter first"),
+        (4, "nan", "'nan' is not a number from 0.2 to 2000 mm"),
+        (4, "long", "'long' is not a number from 0.2 to 2000 mm"),
+        (4, "0.12", "'0.12' is not a number from 0.2 to 2000 mm"),
+        (5, "0.16", "'0.16' is not a number from 0.2 to 50000 g"),
+        (14, "1.07", "'1.07' is not a number from 50 to 5000 kg/m3"),
+        (15, "50000", "'50000' is not a number from 0.1 to 1000 kPa"),
     ],
 )
 def test_an_answer_that_cannot_be_is_asked_for_again(

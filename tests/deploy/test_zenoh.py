@@ -175,7 +175,7 @@ def until(accept, within=10.0):
 def test_router_without_users_is_refused_beyond_this_host(tmp_path):
     path = tmp_path / "open.json5"
     path.write_text('{ listen: { endpoints: ["tcp/0.0.0.0:0"] } }')
-    with pytest.raises(SetupError, match="lets anybody"):
+    with pytest.raises(SetupError, match="gives everybody"):
         open_router(path)
     with open_router(path, allow_unauthenticated=True) as session:
         assert not session.is_closed()

@@ -122,7 +122,7 @@ def test_counters_and_invalid_readings_are_remarks(virtual):
         await bank.connect()
         tally = CheckTally()
         for index in range(3):
-            tally.take(Reading("valves", None, None, index * 10**7, 0, index, 0, index > 0, "x", ("late",)))
+            tally.add(Reading("valves", None, None, index * 10**7, 0, index, 0, index > 0, "x", ("late",)))
         bank.health.gaps = 4
         found = describe(OnTerminal(virtual, None), bank, tally)
         await bank.close()
@@ -145,7 +145,7 @@ def test_a_source_that_ran_late_is_reported_by_its_own_clock(virtual):
         for index, transit_ms in enumerate((4, 5, 84, 74, 4)):
             measured_ns = index * 10**7
             arrival_ns = measured_ns + transit_ms * 10**6
-            tally.take(Reading("qtm", None, measured_ns, arrival_ns, measured_ns, index, 0, True, "x"))
+            tally.add(Reading("qtm", None, measured_ns, arrival_ns, measured_ns, index, 0, True, "x"))
         found = describe(OnTerminal(virtual, None), bank, tally)
         await bank.close()
         return found

@@ -68,4 +68,4 @@ def test_all_mistakes_are_told_at_once():
 
 
 def test_a_table_that_is_none_is_told():
-    assert "is no table" in errors("valves")[0]
+    assert "is not a table" in errors("valves")[0]

@@ -360,7 +360,7 @@ def test_a_terminal_that_stays_busy_is_left_to_its_watchdog_and_asked_again(virt
         await hold(bank, SIX, 0.4)
         terminal.refuses = {23: 6, 16: 6}
         await bank.supervisor.wait_for(ConnectionState.FAULT)
-        assert "takes no set-point" in str(bank.supervisor.error)
+        assert "accepts no set-point" in str(bank.supervisor.error)
         await asyncio.sleep(20)
         assert terminal.setpoints == [0] * 16
         terminal.refuses = {}
@@ -431,9 +431,9 @@ def test_a_chamber_that_does_not_follow_is_named(virtual):
         bank.arm()
         terminal.stuck[3] = 20
         await hold(bank, SIX, 1.5)
-        assert not [alarm for alarm in bank.health.alarms.standing if "tracking" in alarm.key]
+        assert not [alarm for alarm in bank.health.alarms.active if "tracking" in alarm.key]
         await hold(bank, SIX, 1.0)
-        (alarm,) = bank.health.alarms.standing
+        (alarm,) = bank.health.alarms.active
         assert alarm.key == "chamber 0 tracking"
         assert (alarm.value, alarm.limit, alarm.unit) == (2000.0, 30_000.0, "Pa")
         assert bank.state is ConnectionState.DEGRADED
@@ -451,7 +451,7 @@ def test_diagnosis_and_negative_pressure_are_read(virtual):
         await asyncio.sleep(0.1)
         assert readings[-1].value.readback[0] == -100.0
         assert readings[-1].value.diagnosis == (0, 31, 0, 0, 0, 0)
-        (alarm,) = bank.health.alarms.standing
+        (alarm,) = bank.health.alarms.active
         assert (alarm.key, alarm.value) == ("chamber 1 diagnosis", "0x001f")
 
     session(virtual, body)

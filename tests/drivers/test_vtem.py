@@ -119,7 +119,7 @@ def test_a_slot_in_error_is_an_alarm_of_its_chambers(virtual):
     async def body(bank, terminal, readings):
         terminal.failed = {0}
         await asyncio.sleep(0.1)
-        named = {alarm.key: alarm.value for alarm in bank.health.alarms.standing}
+        named = {alarm.key: alarm.value for alarm in bank.health.alarms.active}
         assert named == {"chamber 2 diagnosis": "0x00c3", "chamber 3 diagnosis": "0x00c3"}
         assert bank.state is ConnectionState.DEGRADED
 
@@ -142,7 +142,7 @@ def test_a_slot_keeps_its_error_until_it_is_acknowledged_while_vented(virtual):
         assert bank.acknowledge()
         await asyncio.sleep(2.0)
         assert terminal.failed == set()
-        assert bank.health.alarms.standing == ()
+        assert bank.health.alarms.active == ()
         assert not bank.armed
         words = [words for _, words in terminal.writes()][written:]
         assert {word[0] for word in words} == {62 | 1 << 6, 0xC3}

@@ -57,11 +57,11 @@ def test_nothing_seen_is_no_number(loop: ModuleType):
     assert np.isnan([value for key, value in row.items() if key != "specimen"]).all()
 
 
-def test_its_manoeuvres_are_on_the_menu_of_the_fake_arm(loop: ModuleType):
+def test_the_fake_arm_has_its_manoeuvres(loop: ModuleType):
     from softarm.estimator.specimen import load_specimen
 
-    menu = {manoeuvre.name for manoeuvre in manoeuvres_of(load_specimen(loop.fake_specimen()))}
-    assert {*loop.SUSPECT, loop.WATCHED} <= menu
+    names = {manoeuvre.name for manoeuvre in manoeuvres_of(load_specimen(loop.fake_specimen()))}
+    assert {*loop.SUSPECT, loop.WATCHED} <= names
 
 
 def test_it_says_how_it_is_used(loop: ModuleType):

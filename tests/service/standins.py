@@ -1,4 +1,4 @@
-"""Surroundings of a control loop without devices, estimator or network: valves that do as they are asked."""
+"""Dependencies of a control loop without devices, estimator or network: valves that follow set-points."""
 
 import json
 import time

@@ -90,8 +90,8 @@ def test_what_fits_is_accepted(tmp_path):
         ({"more": SECOND.format("orientation", "tip")}, "sensors.1", "measured by sensors.0 already"),
         ({"more": SECOND.format("pose", "tip")}, "sensors.1", "measured by sensors.0 already"),
         ({"network": 'listen = ["tcp/0.0.0.0:7447"]'}, "network.listen", "allow_unauthenticated = true"),
-        ({"network": 'listen = ["tcp/[::]:7447"]'}, "network.listen", "tcp/[::]:7447 lets anybody"),
-        ({"network": 'listen = ["tcp/arm.lab:7447"]'}, "network.listen", "lets anybody"),
+        ({"network": 'listen = ["tcp/[::]:7447"]'}, "network.listen", "tcp/[::]:7447 lets everybody"),
+        ({"network": 'listen = ["tcp/arm.lab:7447"]'}, "network.listen", "lets everybody"),
     ],
 )
 def test_what_does_not_fit_is_refused_with_field_and_advice(tmp_path, parts, place, advice):
@@ -122,7 +122,7 @@ def test_listeners_with_credentials_or_by_a_word_of_their_own_are_accepted(tmp_p
 
 def test_certificates_do_not_guard_a_plain_listener(tmp_path):
     (tmp_path / "tls.json5").write_text(CERTIFICATES)
-    with pytest.raises(ConfigError, match="lets anybody"):
+    with pytest.raises(ConfigError, match="lets everybody"):
         load(tmp_path, network='listen = ["tcp/0.0.0.0:7447"]\nzenoh_config = "tls.json5"')
 
 

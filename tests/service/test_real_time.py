@@ -11,8 +11,8 @@ from softarm.common.real_time import POLICY
 CHILD = "import os; print(os.sched_getscheduler(0))"
 PROGRAM = f"""
 import os, subprocess, sys
-from softarm.common.real_time import run_first
-run_first()
+from softarm.common.real_time import raise_priority
+raise_priority()
 print(os.sched_getscheduler(0), flush=True)
 subprocess.run([sys.executable, "-c", {CHILD!r}], check=True)
 """

@@ -312,8 +312,8 @@ class TestControl:
         ("request_line", "told"),
         [
             (b"{}", "do"),
-            (b"nonsense", "no JSON object"),
-            (b"[1]", "no JSON object"),
+            (b"nonsense", "not a JSON object"),
+            (b"[1]", "not a JSON object"),
             (b'{"do": "explode"}', "explode"),
             (b'{"do": "fault", "device": "qtm"}', "fault"),
             (b'{"do": "fault", "device": "qtn", "fault": "x"}', "did you mean 'qtm'"),
@@ -381,9 +381,9 @@ class TestConcealed:
             async with running(check_scenario(TABLE)) as rig:
                 rig.switch("sensor_bias", {"where": {"sensor": "gauge_cord"}, "offset": 3.0})
                 value = np.array([1.0])
-                on = rig.signals.see("gauge", "gauge_cord", 0.0, value)
+                on = rig.signals.apply("gauge", "gauge_cord", 0.0, value)
                 rig.switch("sensor_bias", None)
-                return on, rig.signals.see("gauge", "gauge_cord", 0.1, value)
+                return on, rig.signals.apply("gauge", "gauge_cord", 0.1, value)
 
         on, off = warp(main)
         assert on == pytest.approx([4.0])

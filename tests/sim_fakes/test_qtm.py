@@ -10,10 +10,10 @@ from softarm.fakes.parts import BodyPart, QtmPart
 from softarm.fakes.qtm import packets
 from softarm.fakes.qtm.measurement import MotionMeasurement, measurement_faults
 from softarm.fakes.qtm.packets import MeasuredFrame
-from softarm.fakes.qtm.server import SERVER_FAULTS, spoil
+from softarm.fakes.qtm.server import SERVER_FAULTS, corrupt
 from softarm.fakes.qtm.session import ClientSession, parse_stream
 from softarm.fakes.qtm.settings import parameters
-from softarm.fakes.signals import plainly
+from softarm.fakes.signals import unmodified
 from softarm.fakes.still import StillArm
 
 NAMES = ("base", "intermediate", "tip")
@@ -155,7 +155,7 @@ class TestFrames:
         faults = FaultBoard("qtm", (*SERVER_FAULTS, *measurement_faults(NAMES)))
         bodies = tuple(BodyPart(name=name, section=name) for name in NAMES)
         part = QtmPart(name="qtm", kind="qualisys", bodies=bodies, **cameras)
-        return arm, faults, MotionMeasurement(part, arm.sections, {}, faults, 0, plainly)
+        return arm, faults, MotionMeasurement(part, arm.sections, {}, faults, 0, unmodified)
 
     def test_time_and_number_begin_with_the_measurement(self):
         arm, _, measurement = self.make()
@@ -226,8 +226,8 @@ def test_spoilt_headers(fault, head):
     faults = FaultBoard("qtm", SERVER_FAULTS)
     faults.set(fault)
     data = packets.data_packet(MeasuredFrame(0, 1, [None]), ["6d"])
-    assert spoil(data, faults)[:8].hex(" ") == head
-    assert spoil(data, faults) == data
+    assert corrupt(data, faults)[:8].hex(" ") == head
+    assert corrupt(data, faults) == data
 
 
 @pytest.mark.parametrize(

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from softarm.fakes.faults import FaultBoard
-from softarm.fakes.signals import plainly
+from softarm.fakes.signals import unmodified
 from softarm.fakes.valves.modbus import execute
 from softarm.fakes.valves.mpa import MpaBank, bank_faults
 from softarm.fakes.valves.node import CpxNode, ModbusError, node_faults
@@ -21,8 +21,8 @@ def terminal(vtem=False, **options):
     )
     if vtem:
         figures = Regulators(supply=800e3, lowest=LOWEST_MBAR * MBAR, bias=(0.0, 200.0))
-        return CpxNode(VtemBank(faults, figures, 0, plainly), faults, **options)
-    return CpxNode(MpaBank(faults, 16, Regulators(), 0, plainly), faults, **options)
+        return CpxNode(VtemBank(faults, figures, 0, unmodified), faults, **options)
+    return CpxNode(MpaBank(faults, 16, Regulators(), 0, unmodified), faults, **options)
 
 
 def run(node, begin, seconds):

@@ -15,7 +15,7 @@ from softarm.fakes.serial.lutron import lutron_frame
 from softarm.fakes.serial.sauter import sauter_reply
 from softarm.fakes.serial.witmotion import witmotion_frame
 from softarm.fakes.serial.xbus import DATA, xbus_message
-from softarm.fakes.signals import plainly
+from softarm.fakes.signals import unmodified
 from softarm.fakes.valves.modbus import MBAP, execute
 from softarm.fakes.valves.mpa import MpaBank, bank_faults
 from softarm.fakes.valves.node import CpxNode, node_faults
@@ -31,7 +31,7 @@ def octets(text):
 @pytest.fixture
 def node():
     faults = FaultBoard("valves", (*node_faults(16), *bank_faults(16)))
-    return CpxNode(MpaBank(faults, 16, Regulators(), 0, plainly), faults)
+    return CpxNode(MpaBank(faults, 16, Regulators(), 0, unmodified), faults)
 
 
 def ask(node, frame):

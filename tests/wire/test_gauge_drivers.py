@@ -52,7 +52,7 @@ def test_a_gauge_that_is_unplugged_comes_back_in_a_new_epoch(wire, pair):
         await gauge.supervisor.wait_for(ConnectionState.FAULT)
         assert "was unplugged" in str(gauge.health.last_error) or "takes no" in str(gauge.health.last_error)
         epoch, count = readings.last.epoch, len(readings.all)
-        await wire.until(lambda: "is not there" in str(gauge.health.last_error))
+        await wire.until(lambda: "does not exist" in str(gauge.health.last_error))
         rig.boards["gauge"].clear()
         await wire.until(lambda: gauge.state is ConnectionState.STREAMING, within=10)
         assert all(reading.epoch > epoch for reading in (await wire.more(readings, 5)))

@@ -107,7 +107,7 @@ def test_a_wrong_rate_is_an_alarm_with_both_rates(wire):
     async def body(rig, imu, readings):
         rig.inject("imu", "wrong_rate", {"hz": 25.0})
         await wire.until(lambda: "rate" in imu.health.alarms, within=6)
-        (alarm,) = [alarm for alarm in imu.health.alarms.standing if alarm.key == "rate"]
+        (alarm,) = [alarm for alarm in imu.health.alarms.active if alarm.key == "rate"]
         assert alarm.limit == 100.0
         rig.boards["imu"].clear()
         await wire.until(lambda: "rate" not in imu.health.alarms, within=6)

@@ -159,7 +159,7 @@ def test_no_more_data_waits_and_the_next_capture_streams_again(wire):
 def test_changed_settings_rename_and_never_mislabel(wire, action):
     async def body(rig, capture, readings):
         rig.inject("qtm", "settings_changed", {"action": action})
-        await wire.until(lambda: capture.health.events["names read"] == 2)
+        await wire.until(lambda: capture.health.events["body names read"] == 2)
         left = NAMES if action == "rotate" else NAMES - {"tip"}
         fresh = await wire.more(readings, 20)
         assert set(fresh[-1].value.poses) == left

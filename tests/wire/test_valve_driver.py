@@ -291,7 +291,7 @@ def test_a_faulty_valve_is_named_by_its_chamber(wire):
         async with inflated(wire, rig, bank):
             rig.inject("valves", "valve_fault", {"channel": 3, "code": 31})
             await wire.until(lambda: readings.last.value.diagnosis[0] == 31)
-            await wire.until(lambda: any("chamber 0" in str(a) for a in bank.health.alarms.standing))
+            await wire.until(lambda: any("chamber 0" in str(a) for a in bank.health.alarms.active))
 
     session(wire, body)
 
@@ -324,7 +324,7 @@ def test_missing_supply_shows_in_diagnosis_and_tracking(wire):
             rig.inject("valves", "supply_missing", {"mbar": 20.0})
             await wire.until(lambda: all(readings.last.value.diagnosis))
             await wire.until(lambda: readings.last.value.readback[0] < 3e3)
-            names = lambda: " ".join(str(alarm) for alarm in bank.health.alarms.standing)  # noqa: E731
+            names = lambda: " ".join(str(alarm) for alarm in bank.health.alarms.active)  # noqa: E731
             await wire.until(lambda: "chamber 0" in names())
 
     session(wire, body)
@@ -335,7 +335,7 @@ def test_a_stuck_valve_is_a_tracking_fault(wire):
         bank.arm()
         async with holding(bank):
             rig.inject("valves", "stuck_valve", {"channel": 1})
-            await wire.until(lambda: any("chamber 2" in str(a) for a in bank.health.alarms.standing), 5.0)
+            await wire.until(lambda: any("chamber 2" in str(a) for a in bank.health.alarms.active), 5.0)
 
     session(wire, body)
 

@@ -80,7 +80,7 @@ class Alarms:
             self.observer()
 
     @property
-    def standing(self) -> tuple[Alarm, ...]:
+    def active(self) -> tuple[Alarm, ...]:
         """The alarms that stand, oldest first."""
         return tuple(self._standing.values())
 

@@ -73,7 +73,7 @@ class ClockMap:
                 self._points[-1] = (time_ns, delay_ns)
             return
         if bucket < self._bucket:
-            return  # overtaken on the way: the hull needs rising times
+            return  # stopped_since on the way: the hull needs rising times
         self._fit()
         self._bucket = bucket
         self._points.append((time_ns, delay_ns))

@@ -132,7 +132,7 @@ class Health:
             "events": dict(self.events),
             "facts": dict(self.facts),
             "alarms": [
-                {"key": alarm.key, "what": alarm.what, "cure": alarm.cure} for alarm in self.alarms.standing
+                {"key": alarm.key, "what": alarm.what, "cure": alarm.cure} for alarm in self.alarms.active
             ],
             "last_error": str(self.last_error) if self.last_error else None,
         }

@@ -63,7 +63,7 @@ def load_devices(tables: Sequence[Mapping[str, Any]], where: str = "devices") ->
 
 def _load(table: Mapping[str, Any], place: str) -> DriverConfig:
     if not isinstance(table, Mapping):
-        raise _single(place, "is no table", "write [[devices]] with name and kind")
+        raise _single(place, "is not a table", "write [[devices]] with name and kind")
     kind = table.get("kind")
     model = KINDS.get(str(kind))
     if model is None:

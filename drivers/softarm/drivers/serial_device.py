@@ -66,7 +66,7 @@ class SerialDevice(Device, Generic[FrameT, Value]):
         return SerialSession(self, link)
 
     @abstractmethod
-    def take(self, frame: FrameT, arrival_ns: int) -> None:
+    def handle_frame(self, frame: FrameT, arrival_ns: int) -> None:
         """Convert one good frame to a reading, an event or an alarm."""
 
     def receive(self, data: bytes, arrival_ns: int) -> None:
@@ -79,7 +79,7 @@ class SerialDevice(Device, Generic[FrameT, Value]):
             self.count(fault)
             self._last_fault = fault.detail
         for frame in decoded.frames:
-            self.take(frame, arrival_ns)
+            self.handle_frame(frame, arrival_ns)
             self.joined.set()
 
     def restarted(self) -> None:

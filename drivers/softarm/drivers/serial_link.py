@@ -28,8 +28,11 @@ MARGIN_S = 3.0
 
 _CHUNK = 4096
 _CAUSES = {
-    errno.ENOENT: ("is not there", "plug it in; `ls /dev/serial/by-id` shows what is there"),
-    errno.EACCES: ("may not be opened", "add the user to the group of the port, often dialout"),
+    errno.ENOENT: ("does not exist", "plug it in; `ls /dev/serial/by-id` shows what is there"),
+    errno.EACCES: (
+        "may not be opened (no permission)",
+        "add the user to the group of the port, often dialout",
+    ),
     errno.EBUSY: ("is in use", "close the other program"),
     errno.EAGAIN: ("is in use", "close the other program"),
     errno.EWOULDBLOCK: ("is in use", "close the other program"),

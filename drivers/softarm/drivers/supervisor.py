@@ -239,7 +239,7 @@ class Supervisor:
         self._last_reading_ns = self._valid_ns = self._clock()  # silence counts from here
         self.health.connections += 1
         if self._failures_in_row:
-            logger.info("%s: back after %d failures", self.device, self._failures_in_row)
+            logger.info("%s: connected again after %d failed attempts", self.device, self._failures_in_row)
         self._failures_in_row = 0
         self.error = None
         self._enter(ConnectionState.STREAMING)
@@ -306,7 +306,7 @@ class Supervisor:
         self._failures_in_row += 1
         # A device that is switched off for a day would fill the log with the same line.
         level = logging.WARNING if self._failures_in_row == 1 or not error.retried else logging.DEBUG
-        logger.log(level, "%s%s", error, "; tries again" if error.retried else "")
+        logger.log(level, "%s%s", error, "; will retry" if error.retried else "")
         # In this order: alarms that clear while the state is alive would make it STREAMING again.
         self._enter(ConnectionState.FAULT)
         self.health.alarms.clear_all()

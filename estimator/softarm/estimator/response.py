@@ -68,6 +68,26 @@ class ArmResponse:
         frames = Frames(self.frames.positions[chosen], self.frames.rotations[chosen])
         return replace(self, frames=frames, converged=self.converged[chosen], **kept)
 
+    def with_samples(self, chosen: Indices, answer: "ArmResponse") -> "ArmResponse":
+        """Return the response with another one's at the samples of some numbers, shape (chosen,).
+
+        Derivatives that the other one lacks stay as they are.
+        """
+
+        def put(array: NDArray[Any], new: NDArray[Any]) -> NDArray[Any]:
+            array = array.copy()
+            array[chosen] = new
+            return array
+
+        answered = answer._arrays
+        both = {n: (a, answered[n]) for n, a in self._arrays.items() if len(a) and answered[n].size}
+        put_in: dict[str, Any] = {n: put(*pair) for n, pair in both.items()}
+        frames = Frames(
+            put(self.frames.positions, answer.frames.positions),
+            put(self.frames.rotations, answer.frames.rotations),
+        )
+        return replace(self, frames=frames, converged=put(self.converged, answer.converged), **put_in)
+
     def with_states(self, states: NDArray[Any]) -> "ArmResponse":
         """Return the response with other states to begin at, shape (samples, ...)."""
         return replace(self, states=states)

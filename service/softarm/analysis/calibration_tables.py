@@ -15,7 +15,7 @@ def drift_table(drifts: Sequence[Drift]) -> Table:
     verdict = (
         f"Stale: {', '.join(stale)}; record each chamber alone, random poses and pulls, and calibrate anew."
         if stale
-        else "The calibration holds."
+        else "The calibration is still valid."
     )
     return Table(
         "Scatter about the calibrated model",

@@ -10,7 +10,7 @@ from softarm.bench.trials.page import from_source, write_page
 from softarm.bench.trials.run import run_trials
 from softarm.bench.trials.score import score
 from softarm.bench.trials.tables import score_tables
-from softarm.cli.output import PATH, folder_option, json_option, progress, say, show
+from softarm.cli.output import PATH, folder_option, json_option, notify, progress, show
 from softarm.common.tables import Cell, Table
 
 HEAD = "# Blind trials of the diagnosis\n\nWritten by `softarm bench diagnosis --write`."
@@ -37,7 +37,7 @@ jobs_option = click.option(
 @folder_option("Folder of reports and outcomes; an interrupted run resumes from it.", "out/trials")
 @jobs_option
 @click.option("--source", help="Where the trials come from, added to the titles of the tables.")
-@click.option("--write", type=PATH, help="Write the scores to a page in Markdown; its other tables stay.")
+@click.option("--write", type=PATH, help="Write the scores to a page in Markdown; its other tables are kept.")
 @json_option
 def command(
     folder: Path,
@@ -68,7 +68,7 @@ def command(
     show(_verdicts(outcomes), *tables, as_json=as_json)
     if write is not None:
         write_page(write, tables, HEAD)
-        say(f"wrote {write}")
+        notify(f"wrote {write}")
     return int(not all(outcome.report for outcome in outcomes))
 
 

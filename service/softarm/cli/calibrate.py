@@ -8,10 +8,10 @@ import click
 from softarm.cli.output import (
     force_option,
     json_option,
+    notify,
     out_option,
     progress,
     recordings_argument,
-    say,
     show,
     specimen_option,
 )
@@ -59,7 +59,7 @@ def command(
     Example: softarm calibrate run1 run2 --specimen sopra --out my_sopra.toml
     """
     from softarm.analysis.calibration_tables import calibration_tables, drift_table
-    from softarm.analysis.offline.inputs import load_recordings, specimen_of, taken_in
+    from softarm.analysis.offline.inputs import check_and_correct, load_recordings, specimen_of
     from softarm.estimator.arm import build_arm
     from softarm.estimator.calibration import (
         CalibrationRefusedError,
@@ -76,7 +76,7 @@ def command(
     from softarm.estimator.counted import counted
     from softarm.estimator.diagnosis.admit import LEAST_SAMPLES
     from softarm.estimator.errors import InputError
-    from softarm.estimator.node_by_node import NodeByNode
+    from softarm.estimator.sequential_batch import SequentialBatchModel
     from softarm.estimator.specimen import require_free_specimen, save_specimen
 
     if check == (out is not None):
@@ -90,34 +90,34 @@ def command(
         names = ", ".join(recording.name for recording in loaded)
         raise InputError(
             names,
-            f"{counted(samples, 'sample')} in all, which is too little to calibrate by",
+            f"{counted(samples, 'sample')} in all, too few for a calibration",
             "record at least 20 s with changing pressures",
         )
-    loaded = tuple(taken_in(recording, robot, say).for_fits for recording in loaded)
+    loaded = tuple(check_and_correct(recording, robot, notify).for_fits for recording in loaded)
     loads = section_forces(robot)
     model = build_arm(robot, loads=loads).without_snaps()
     runs = [arrange(recording, robot, model.sections, loads) for recording in loaded]
     for recording, run in zip(loaded, runs, strict=True):
         for note in data_quality_notes(recording, run):
-            say(note)
+            notify(note)
         if run.ignored_markers:
-            say(f"{run.name}: the specimen does not name markers {', '.join(run.ignored_markers)}")
+            notify(f"{run.name}: the specimen does not name markers {', '.join(run.ignored_markers)}")
     if out is None:
         with progress(f"checking {robot.name}") as advance:
-            drifts = check_drift(NodeByNode(model, advance), robot, runs, nodes)
+            drifts = check_drift(SequentialBatchModel(model, advance), robot, runs, nodes)
         show(drift_table(drifts), as_json=as_json)
         return int(any(drift.stale for drift in drifts))
     options = Options(nodes=nodes, search_axes=axes)
     try:
         with progress(f"calibrating {robot.name}", most_solves(options)) as advance:
-            found = calibrate(NodeByNode(model, advance), robot, runs, options)
+            found = calibrate(SequentialBatchModel(model, advance), robot, runs, options)
     except CalibrationRefusedError as refusal:
-        say(f"softarm: {refusal}")
+        notify(f"softarm: {refusal}")
         return 1
     provenance = f"softarm calibrate, {datetime.now(UTC):%Y-%m-%d %H:%M} UTC, {found.nodes} samples"
     save_specimen(calibrated_specimen(robot, found, provenance), out)
     show(*calibration_tables(found), as_json=as_json)
     for caution in cautions(found):
-        say(caution)
-    say(f"wrote {out}")
+        notify(caution)
+    notify(f"wrote {out}")
     return 0

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import PICTURE, json_option, say, show
+from softarm.cli.output import PICTURE, json_option, notify, show
 from softarm.common.tables import Cell, Table
 from softarm.daemon.config import Setup, load_config
 from softarm.estimator.errors import InputError
@@ -41,8 +41,8 @@ def command(file: str, plot: Path | None, as_json: bool) -> int:
     show(*tables, as_json=as_json)
     if plot is not None:
         draw(specimen, plot)
-        say(f"wrote {plot}")
-    say(f"{file} is valid")
+        notify(f"wrote {plot}")
+    notify(f"{file} is valid")
     return 0
 
 

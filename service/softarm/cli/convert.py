@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import PATH, force_option, json_option, progress, say, show
+from softarm.cli.output import PATH, force_option, json_option, notify, progress, show
 from softarm.common.tables import Table
 from softarm.estimator.recording import Recording
 from softarm.recordings import load_recording, output_file, read_attachments, save_recording
@@ -46,7 +46,7 @@ def command(source: Path, target: Path, column_map: Path | None, force: bool, as
         else:
             written = save_recording(recording, target, force=force, attachments=read_attachments(source))
     if "recovered" in recording.info:
-        say(f"{source}: {recording.info['recovered']}")
+        notify(f"{source}: {recording.info['recovered']}")
     show(Table(f"{source} to {', '.join(map(str, written))}", summary(recording)), as_json=as_json)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import PORT, folder_option, json_option, progress, say, show
+from softarm.cli.output import PORT, folder_option, json_option, notify, progress, show
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
 from softarm.common.tables import Table
 from softarm.experiments.rig import PATIENCE, FakeRig, Process, RigSettings
@@ -35,7 +35,9 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
     # Not blocked: the children would inherit that, and no signal could end them.
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     with ExitStack() as stack:
-        say("starting the simulated instruments and the service; the estimator needs half a minute or more")
+        notify(
+            "starting the simulated instruments and the service; the estimator needs half a minute or more"
+        )
         rig = stack.enter_context(FakeRig(settings, out))
         client = stack.enter_context(connect(rig))
         page = Process(
@@ -43,7 +45,7 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
             out / "page.log",
         )
         if not once:
-            say(stack.enter_context(page).first_line().strip())
+            notify(stack.enter_context(page).first_line().strip())
         with live_fakes(rig, client) as live, progress("force experiment", 2.0 * STEPS) as advance:
             columns, recording = compare_forces(live, lambda: advance(1))
         rows = summary(columns)
@@ -51,14 +53,14 @@ def command(once: bool, port: int, out: Path, as_json: bool) -> int:
         from softarm.experiments.plots import plot_forces  # Matplotlib: the arm need not wait for it
 
         plot_forces(columns, out / "force.png")
-        say(f"plot: {out / 'force.png'}")
+        notify(f"plot: {out / 'force.png'}")
         if not once:
-            say("running; press Ctrl-C to end")
+            notify("running; press Ctrl-C to end")
             with suppress(KeyboardInterrupt):
                 signal.pause()
     percents = [row["mean_percent"] for row in rows]
     worst = max(percent if isinstance(percent, float) else float("inf") for percent in percents)
     if worst > TOLERANCE_PERCENT:
-        say(f"softarm: the force is off by {worst:.2f} % of range, more than {TOLERANCE_PERCENT:g} %")
+        notify(f"softarm: the force is off by {worst:.2f} % of range, more than {TOLERANCE_PERCENT:g} %")
         return 1
     return 0

@@ -11,9 +11,9 @@ from softarm.cli.output import (
     folder_option,
     force_option,
     json_option,
+    notify,
     progress,
     recordings_argument,
-    say,
     specimen_option,
 )
 
@@ -128,18 +128,18 @@ def command(
 
     Example: softarm diagnose run1 run2 --nominal known1 --specimen sopra --out report
     """
-    from softarm.analysis.diagnosis.done import (
+    from softarm.analysis.diagnosis.digest import (
         digest_of,
-        done_before,
+        report_up_to_date,
+        specimen_up_to_date,
         write_digest,
         write_report,
-        wrote_before,
     )
     from softarm.analysis.diagnosis.html import FILE as HTML
     from softarm.analysis.diagnosis.html import write_html
     from softarm.analysis.diagnosis.motion import write_motions
     from softarm.analysis.diagnosis.report import report_of
-    from softarm.analysis.diagnosis.run import DiagnosisRequest, beside_the_model, improved_specimen, run
+    from softarm.analysis.diagnosis.run import DiagnosisRequest, effects_outside_model, improved_specimen, run
     from softarm.analysis.diagnosis.sentences import summary
     from softarm.analysis.diagnosis.workers import workers
     from softarm.analysis.offline.inputs import specimen_of_any
@@ -148,13 +148,13 @@ def command(
     robot = specimen_of_any(specimen, recordings)
     request = DiagnosisRequest(recordings, nominal, robot, seed, effects)
     digest = digest_of(request)
-    earlier = done_before(out, digest) if out is not None and not force else None
+    earlier = report_up_to_date(out, digest) if out is not None and not force else None
     if (
         out is not None
         and earlier is not None
-        and (write_specimen is None or wrote_before(out, write_specimen))
+        and (write_specimen is None or specimen_up_to_date(out, write_specimen))
     ):
-        say(f"{out} holds this diagnosis already; --force repeats it")
+        notify(f"{out} holds this diagnosis already; --force repeats it")
         words = f"{earlier.specimen}: {earlier.verdict.replace('_', ' ')}.\nReport: {out / HTML}"
         click.echo(earlier.dump() if as_json else words, nl=not as_json)
         return 0
@@ -164,15 +164,15 @@ def command(
     with workers(jobs, dask) as executor, progress("diagnosing", sum(SHARES.values())) as advance:
         outcome = run(request, executor, _Steps(advance).advance, notify=assumed.append)
     for line in assumed:
-        say(line)
+        notify(line)
     report = report_of(outcome.diagnosis)
     if out is not None:
-        say(f"wrote {write_report(report, out)}")
-        say(f"wrote {write_html(outcome.diagnosis, robot, out)}")
-        say(f"wrote {write_motions(outcome.diagnosis, robot, out)}")
+        notify(f"wrote {write_report(report, out)}")
+        notify(f"wrote {write_html(outcome.diagnosis, robot, out)}")
+        notify(f"wrote {write_motions(outcome.diagnosis, robot, out)}")
     if write_specimen is not None:
         save_specimen(improved_specimen(robot, outcome), write_specimen)
-        say(f"wrote {write_specimen}{_without(beside_the_model(outcome))}")
+        notify(f"wrote {write_specimen}{_without(effects_outside_model(outcome))}")
     if out is not None:
         write_digest(digest, out, write_specimen)
     if as_json:

@@ -57,7 +57,7 @@ class CheckTally:
     transits_ns: tuple[int, int] | None = None
     flags: set[str] = field(default_factory=set)
 
-    def take(self, reading: Reading[Any]) -> None:
+    def add(self, reading: Reading[Any]) -> None:
         """Count one reading."""
         if not self.readings:
             self.first_ns = reading.host_monotonic_ns
@@ -161,7 +161,7 @@ def _discover(address: str, *, as_json: bool) -> int:
     host, _, port = address.partition(":")
     number = int(port) if port.isdecimal() else 0 if port else discovery.DISCOVERY_PORT
     if not 1 <= number <= 65535:
-        raise click.UsageError(f"the port in {address} is no number from 1 to 65535")
+        raise click.UsageError(f"the port in {address} is not a number from 1 to 65535")
     try:
         hosts = asyncio.run(discovery.discover(host, number))
     except OSError as error:
@@ -238,7 +238,7 @@ def _busy(late_ns: int, starved_percent: float | None) -> str:
 async def examine(config: DriverConfig, seconds: float) -> Examination:
     """Connect to one device, listen, and return what was found."""
     tally = CheckTally()
-    device = config.build(tally.take, observe=True)
+    device = config.build(tally.add, observe=True)
     try:
         await _listen(device, seconds)
         return describe(config, device, tally)
@@ -286,7 +286,7 @@ def _findings(name: str, device: Device, tally: CheckTally) -> list[DeviceNote]:
         found.append(_of_error(name, health.last_error))
     elif not tally.readings:
         found.append(DeviceNote(name, True, "answers, but sends no reading", "start its measurement"))
-    for alarm in health.alarms.standing:
+    for alarm in health.alarms.active:
         quantity = "" if alarm.value is None else f" ({alarm.value} {alarm.unit}".rstrip() + ")"
         found.append(DeviceNote(name, True, f"{alarm.what}{quantity}", alarm.cure))
     if tally.invalid:
@@ -297,7 +297,7 @@ def _findings(name: str, device: Device, tally: CheckTally) -> list[DeviceNote]:
     if tally.late_ns > LATE_NS:
         late = f"readings came up to {tally.late_ns / 1e6:.0f} ms late, by the device's own clock"
         found.append(
-            DeviceNote(name, False, late, "relieve the host that sends them, the network, or this one")
+            DeviceNote(name, False, late, "reduce the load on the sending host, the network, or this host")
         )
     for counter, (what, cure) in REMARKS.items():
         if count := getattr(health, counter):
@@ -336,7 +336,7 @@ def tables(examinations: Sequence[Examination], busy: str = "") -> list[Table]:
     ]
     serious = sum(any(finding.serious for finding in found.findings) for found in examinations)
     note = f"{len(examinations) - serious} of {len(examinations)} devices work. No set-point was written."
-    notes = (note, f"This machine is busy: {busy}. What seems late or silent may be this machine's doing.")
+    notes = (note, f"This machine is busy: {busy}. This load may be why devices seem late or silent.")
     laid_out = [Table("Devices", [found.row for found in examinations], notes if busy else (note,))]
     if rows:
         laid_out.append(Table("Findings", rows))

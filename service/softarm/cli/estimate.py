@@ -10,10 +10,10 @@ from softarm.cli.output import (
     NumberRange,
     force_option,
     json_option,
+    notify,
     out_option,
     progress,
     recording_argument,
-    say,
     show,
     specimen_option,
 )
@@ -82,7 +82,7 @@ def command(
     Example: softarm estimate examples/recordings/sopra_pull --specimen sopra
     """
     from softarm.analysis.offline.alignment import aligned
-    from softarm.analysis.offline.inputs import in_its_mount, load_recordings, specimen_of, taken_in
+    from softarm.analysis.offline.inputs import check_and_correct, in_its_mount, load_recordings, specimen_of
     from softarm.analysis.offline.resample import resample
     from softarm.analysis.offline.result import as_recording, status_counts
     from softarm.analysis.plots.estimate import plot_track
@@ -92,12 +92,12 @@ def command(
     beside = Path() if out is None else output_file(out, force=force).parent
     (loaded,) = load_recordings([recording], window)
     robot = in_its_mount(specimen_of(specimen, [recording], [loaded]), loaded)
-    intake = taken_in(loaded, robot, say)
+    intake = check_and_correct(loaded, robot, notify)
     loaded = intake.for_estimates
     with progress(f"comparing {robot.name} with {loaded.name}") as advance:
         robot, note = aligned(robot, intake.for_fits, advance)
     if note:
-        say(note)
+        notify(note)
     run = resample(arrange(loaded, robot, tuple(section.name for section in robot.sections)), rate)
     kind = _chosen(robot) if kind == "auto" else kind
     found, surface = _on_rod(robot, run) if kind == "rod" else _on_mesh(robot, run)
@@ -106,20 +106,20 @@ def command(
             f"{loaded.name}: no search converged with {NAMES[kind]}, so nothing was estimated; calibrate the "
             "specimen, or check its measures, its pressure limits and the columns of the recording"
         )
-    say(f"estimated with {NAMES[kind]}")
+    notify(f"estimated with {NAMES[kind]}")
     if found.given_up:
-        say(
+        notify(
             f"the last {found.given_up} of {len(run.time)} instants were not estimated, because the searches "
             "before them did not converge: calibrate the specimen first"
         )
     show(*tables(found, loaded.name), as_json=as_json)
     folder = plots or beside / "plots" / loaded.name
     for path in plot_track(found, loaded.name, folder, surface):
-        say(f"wrote {path}")
+        notify(f"wrote {path}")
     if out is not None:
         info = {"specimen": robot.name, "estimated_rate_hz": rate, "estimated_with": NAMES[kind]}
         for path in save_recording(as_recording(found, loaded, info), out, force=force):
-            say(f"wrote {path}")
+            notify(f"wrote {path}")
     return 0 if bool((found.status == 0).any()) else 1
 
 
@@ -142,9 +142,9 @@ def _on_mesh(robot: "Specimen", run: "CalibrationRun") -> "tuple[Track[Any], Cal
     model = build_arm(robot)
     model = replace(model, settings=replace(model.settings, total_iterations=LINEAR_SOLVES))
     rod = known_trusted_rod(robot)
-    guide = None if rod is None else rod.with_loads(model.loads)
+    fast_model = None if rod is None else rod.with_loads(model.loads)
     with progress(f"estimating {run.name}", len(run.time)) as advance:
-        found = track(model, robot, run, advance, guide)
+        found = track(model, robot, run, advance, fast_model)
     drawn = drawn_surface(model.mesh)
     return found, lambda state: drawn.corners(model.body.points + state.displacement)
 

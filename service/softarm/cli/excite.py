@@ -14,8 +14,8 @@ from softarm.cli.output import (
     NumberRange,
     folder_option,
     json_option,
+    notify,
     progress,
-    say,
     show,
 )
 from softarm.common.shipped import DEMO_SCENARIO, fake_specimen
@@ -94,12 +94,12 @@ def command(
         client = None if dry_run else _connect(stack, arm, endpoint, zenoh_config, out, specimen)
         robot = _offline_specimen(specimen, report) if client is None else specimen_of_arm(client)
         slew = (slew_of(client) if client is not None else None) or DEFAULT_SLEW
-        menu = manoeuvres_of(robot, names, by_hand=by_hand, slew=slew, share=share)
-        plan = shortened(_plan(robot, menu, report), minutes)
+        manoeuvres = manoeuvres_of(robot, names, by_hand=by_hand, slew=slew, share=share)
+        plan = shortened(_plan(robot, manoeuvres, report), minutes)
         if plot is not None:
             from softarm.analysis.plots.excitation import plot_plan
 
-            say(f"wrote {plot_plan(plan, plot)}")
+            notify(f"wrote {plot_plan(plan, plot)}")
         if client is None or not plan.choices:
             show(*plan_tables(plan), as_json=as_json)
             return 0 if plan.choices else 1
@@ -128,7 +128,7 @@ def _connect(
         return stack.enter_context(Arm(arm, endpoint, "softarm excite", zenoh_config=zenoh_config))
     chosen = specimen or str(fake_specimen())
     settings = RigSettings(DEMO_SCENARIO, specimen=chosen, endpoint=endpoint, patience=PATIENCE)
-    say("starting the simulated instruments and the service; the estimator needs half a minute or more")
+    notify("starting the simulated instruments and the service; the estimator needs half a minute or more")
     client = stack.enter_context(connect(stack.enter_context(FakeRig(settings, out))))
     wait_ready(client)
     return client
@@ -147,13 +147,13 @@ def _offline_specimen(specimen: str | None, report: Path | None) -> "Specimen":
     return load_specimen(specimen or "sopra")
 
 
-def _plan(robot: "Specimen", menu: Sequence["Manoeuvre"], report: Path | None) -> "ExcitationPlan":
+def _plan(robot: "Specimen", manoeuvres: Sequence["Manoeuvre"], report: Path | None) -> "ExcitationPlan":
     from softarm.analysis.diagnosis.report import read_report
     from softarm.experiments.excitation_plan import count_of_pairs, make_plan
 
     read = None if report is None else read_report(report)
-    with progress("planning", max(1, count_of_pairs(read) * len(menu))) as advance:
-        return make_plan(robot, menu, read, advance)
+    with progress("planning", max(1, count_of_pairs(read) * len(manoeuvres))) as advance:
+        return make_plan(robot, manoeuvres, read, advance)
 
 
 def shortened(plan: "ExcitationPlan", minutes: float | None) -> "ExcitationPlan":
@@ -182,9 +182,9 @@ def plan_tables(plan: "ExcitationPlan") -> tuple[Table, ...]:
             "seconds": round(choice.seconds, 1),
             "shows": choice.manoeuvre.by_hand or choice.manoeuvre.shows,
         }
-        if plan.rivals:
-            best = max(range(len(plan.rivals)), key=lambda k: choice.separations[k])
-            row |= {"splits_most": plan.rivals[best].name, "separation": choice.separations[best]}
+        if plan.pairs:
+            best = max(range(len(plan.pairs)), key=lambda k: choice.separations[k])
+            row |= {"separates_most": plan.pairs[best].name, "separation": choice.separations[best]}
         rows.append(row)
     total = f"{len(rows)} manoeuvres, {plan.seconds / 60.0:.1f} min with venting between them."
     tables = [
@@ -194,27 +194,28 @@ def plan_tables(plan: "ExcitationPlan") -> tuple[Table, ...]:
             (total,) if rows else ("No known manoeuvre would distinguish the remaining effects.",),
         )
     ]
-    if plan.rivals:
-        tables.append(_rivals_table(plan))
+    if plan.pairs:
+        tables.append(_pairs_table(plan))
     return tuple(tables)
 
 
-def _rivals_table(plan: "ExcitationPlan") -> Table:
-    from softarm.estimator.excitation.plan import ENOUGH
+def _pairs_table(plan: "ExcitationPlan") -> Table:
+    from softarm.estimator.excitation.plan import DECISIVE_SEPARATION
 
     rows: list[dict[str, Cell]] = [
         {
-            "rivals": pair.name,
+            "pair": pair.name,
             "separation": plan.separation(index),
-            "decided": plan.separation(index) >= ENOUGH,
+            "decided": plan.separation(index) >= DECISIVE_SEPARATION,
         }
-        for index, pair in enumerate(plan.rivals)
+        for index, pair in enumerate(plan.pairs)
     ]
     notes = (
-        f"Separation: expected difference in chi-square of the two, each fitted anew; {ENOUGH:g} decides.",
+        "Separation: expected difference in chi-square between the two effects, each fitted again; "
+        f"{DECISIVE_SEPARATION:g} decides.",
         *(f"These manoeuvres cannot distinguish {pair.name}." for pair in plan.undecided),
     )
-    return Table("What the plan decides", rows, notes)
+    return Table("Expected separation", rows, notes)
 
 
 def recorded_table(done: Sequence["Recorded"]) -> Table:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
-from softarm.cli.output import PATH, folder_option, force_option, json_option, progress, say, show
+from softarm.cli.output import PATH, folder_option, force_option, json_option, notify, progress, show
 from softarm.common.tables import as_markdown
 from softarm.estimator.specimen import load_specimen
 
@@ -166,40 +166,42 @@ def _recorded(
     write_json(results, out / f"{name}.json")
     write_whole({out / f"{name}.md": f"{as_markdown(*tables)}\n".encode()})
     for path in plot_results(results, out / "plots"):
-        say(f"wrote {path}")
+        notify(f"wrote {path}")
     if write is not None:
         write_whole({write: experiments_page(tables, len(plans)).encode()})
-        say(f"wrote {write}")
+        notify(f"wrote {write}")
     failed = sorted({f"{failure} of seed {r.number}" for r in results for failure in r.failed})
     if failed:
-        say(f"softarm: {', '.join(failed)} failed; see the notes of the table")
+        notify(f"softarm: {', '.join(failed)} failed; see the notes of the table")
     return int(bool(failed))
 
 
 def _live(name: str, settings: "LiveRigSettings", seeds: int | None, *, as_json: bool) -> int:
     from softarm.estimator.calibration import CalibrationRefusedError
     from softarm.estimator.files import write_whole
-    from softarm.experiments.live_tables import Talk, run_live, run_live_arms
+    from softarm.experiments.live_tables import ExperimentInteraction, run_live, run_live_arms
 
     def ask(sentence: str) -> None:
         click.prompt(f"{sentence} Press Enter", default="", show_default=False, err=True)
 
     if settings.arm is None:
-        say("starting the simulated instruments and the service; the estimator needs half a minute or more")
+        notify(
+            "starting the simulated instruments and the service; the estimator needs half a minute or more"
+        )
     try:
         with progress(f"experiment {name}") as advance:
-            talk = Talk(ask, say, lambda: advance(1))
+            interaction = ExperimentInteraction(ask, notify, lambda: advance(1))
             if seeds is None:
-                tables, _ = run_live(name, settings, 1, talk)
+                tables, _ = run_live(name, settings, 1, interaction)
             else:
-                tables = run_live_arms(name, settings, seeds, talk)
+                tables = run_live_arms(name, settings, seeds, interaction)
     except CalibrationRefusedError as refusal:
-        say(f"softarm: {refusal}")
+        notify(f"softarm: {refusal}")
         return 1
     out = settings.out
     show(*tables, as_json=as_json)
     write_whole({out / f"{name}.md": f"{as_markdown(*tables)}\n".encode()})
     if name == "calibrate" and seeds is None:
-        say(f"wrote {out / 'specimen.toml'}")
-    say(f"wrote {out / f'{name}.json'}, {name}.md and plots in the same folder")
+        notify(f"wrote {out / 'specimen.toml'}")
+    notify(f"wrote {out / f'{name}.json'}, {name}.md and plots in the same folder")
     return 0

@@ -10,7 +10,7 @@ from typing import Any
 import click
 import tomli_w
 
-from softarm.cli.output import PATH, force_option, json_option, say, show
+from softarm.cli.output import PATH, force_option, json_option, notify, show
 from softarm.common.shipped import fake_specimen
 from softarm.common.tables import Table
 from softarm.estimator.files import require_free, write_whole
@@ -20,7 +20,7 @@ from softarm.fakes.clock import Clock
 from softarm.fakes.control import ControlPort, status
 from softarm.fakes.devices import catalogue
 from softarm.fakes.lateness import watch_lateness
-from softarm.fakes.placement import playing
+from softarm.fakes.placement import with_specimen
 from softarm.fakes.rig import Rig, running
 from softarm.fakes.scenario import Scenario, read_scenario
 
@@ -64,7 +64,7 @@ def command(
     """
     checked = read_scenario(scenario)
     if specimen is not None:
-        checked = playing(checked, specimen)
+        checked = with_specimen(checked, specimen)
     if variant is not None:
         checked = checked.model_copy(update={"plant": checked.plant.model_copy(update={"variant": variant})})
     if list_faults:
@@ -99,13 +99,13 @@ async def serve(
         if config is not None:
             _write_config(rig, config, specimen)
         _announce(rig, control, as_json=as_json)
-        watching = asyncio.create_task(watch_lateness(Clock(), say))
+        watching = asyncio.create_task(watch_lateness(Clock(), notify))
         try:
             await stopped.wait()
         finally:
             watching.cancel()
             await control.stop()
-    say("fakes: stopped")
+    notify("fakes: stopped")
 
 
 def _write_config(rig: Rig, path: Path, specimen: str | None) -> None:
@@ -120,7 +120,7 @@ def _write_config(rig: Rig, path: Path, specimen: str | None) -> None:
     )
     table = service_config(settings, status(rig)["devices"])
     write_whole({path: tomli_w.dumps(table).encode()})
-    say(f"wrote {path}; next: softarm serve --config {path}")
+    notify(f"wrote {path}; next: softarm serve --config {path}")
 
 
 def _announce(rig: Rig, control: ControlPort, *, as_json: bool) -> None:
@@ -131,7 +131,7 @@ def _announce(rig: Rig, control: ControlPort, *, as_json: bool) -> None:
     rows = [{"device": e.name, "kind": e.kind, "address": e.source} for e in rig.endpoints()]
     notes = (f"control port {at}",) if at else ()
     show(Table(f"Fakes of {rig.scenario.name}", rows, notes), as_json=False)
-    say("fakes: ready; press Ctrl-C to end")
+    notify("fakes: ready; press Ctrl-C to end")
 
 
 def _faults_table(scenario: Scenario) -> Table:

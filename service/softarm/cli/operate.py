@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import json_option, say, show
+from softarm.cli.output import json_option, notify, show
 from softarm.cli.running_arm import arm_options, hold, leased, seconds_option
 from softarm.common.tables import Table
 from softarm.estimator.errors import InputError
@@ -39,7 +39,7 @@ def arm(
     with Arm(arm, endpoint, "softarm arm", zenoh_config=zenoh_config) as running:
         with suppress(KeyboardInterrupt), leased(running):
             running.arm()
-            say(f"{arm}: armed; Ctrl-C vents it")
+            notify(f"{arm}: armed; Ctrl-C vents it")
             hold(running, "ARMED", seconds, lambda: _set(running, pressures))
         _show_mode(running, as_json=as_json)
     return 0

@@ -186,10 +186,10 @@ class ProgressLines:
         if now_s - self._reported_s >= LINE_EVERY_S:
             self._reported_s = now_s
             left = self._pace.left
-            say(f"{self._what}: {self._pace.so_far}{left and f', {left}'}")
+            notify(f"{self._what}: {self._pace.so_far}{left and f', {left}'}")
 
 
-def say(message: str) -> None:
+def notify(message: str) -> None:
     """Print what happened to stderr, such as which file was written."""
     click.echo(message, err=True)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from softarm.cli.output import PATH, PORT, say, specimen_option
+from softarm.cli.output import PATH, PORT, notify, specimen_option
 from softarm.cli.signals import ENDING, awaiting_signals
 from softarm.daemon.config import load_config
 from softarm.daemon.settings import PageSettings
@@ -98,7 +98,9 @@ def command(
     connect = partial(Arm, arm, endpoint, "operator page", zenoh_config=zenoh_config)
     with awaiting_signals(), page_server(host, port, arm, origins) as server:
         click.echo(f"operator page: http://{host}:{port}")
-        served = wait_for_arm(server, connect, say, lambda: signal.sigtimedwait(ENDING, AGAIN_S) is not None)
+        served = wait_for_arm(
+            server, connect, notify, lambda: signal.sigtimedwait(ENDING, AGAIN_S) is not None
+        )
         if served is not None:
             with served.client, Page(served, server):
                 signal.sigwait(ENDING)

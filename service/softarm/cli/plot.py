@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import folder_option, json_option, progress, recording_argument, say, show
+from softarm.cli.output import folder_option, json_option, notify, progress, recording_argument, show
 from softarm.common.tables import Table
 
 
@@ -27,4 +27,4 @@ def command(recording: Path, out: Path | None, as_json: bool) -> None:
         written = plot_recording(loaded, folder, advance)
     show(Table(loaded.name, summary(loaded)), as_json=as_json)
     for path in written:
-        say(f"wrote {path}")
+        notify(f"wrote {path}")

@@ -5,14 +5,14 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import json_option, progress, say, show
+from softarm.cli.output import json_option, notify, progress, show
 from softarm.cli.running_arm import arm_options, file_name, seconds_option
 from softarm.cli.signals import ENDING, awaiting_signals
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Table
 from softarm_client import Arm
 
-LOOK_S = 0.5
+POLL_S = 0.5
 
 
 @click.command()
@@ -53,7 +53,7 @@ def command(
     ):
         if not stop:
             path = client.recordings.start(name).path
-            say(f"recording to {path}")
+            notify(f"recording to {path}")
         if start:
             show(Table("Recording", [{"file": path, "dropped": 0}]), as_json=as_json)
             return
@@ -68,7 +68,7 @@ def _wait(client: Arm, seconds: float | None) -> None:
     left_s = seconds if seconds is not None else float("inf")
     with progress("recording", seconds) as advance:
         while left_s > 0.0:
-            step_s = min(LOOK_S, left_s)
+            step_s = min(POLL_S, left_s)
             if signal.sigtimedwait(ENDING, step_s) is not None:
                 return
             left_s -= step_s

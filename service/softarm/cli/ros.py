@@ -4,7 +4,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import say
+from softarm.cli.output import notify
 from softarm.cli.running_arm import arm_options
 from softarm_client.ros.bridge import serve
 
@@ -20,4 +20,4 @@ def command(arm: str, endpoint: str, zenoh_config: Path | None, arguments: tuple
 
     Example: softarm ros --arm sopra --endpoint tcp/192.168.1.20:7447
     """
-    serve(arm, endpoint, zenoh_config, arguments, say)
+    serve(arm, endpoint, zenoh_config, arguments, notify)

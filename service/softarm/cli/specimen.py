@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import click
 
-from softarm.cli.output import PATH, force_option, json_option, say, show
+from softarm.cli.output import PATH, force_option, json_option, notify, show
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,7 +32,7 @@ def new(out: Path, force: bool, as_json: bool) -> int:
     """Ask for the measures of an arm, check them, draw what was understood, and write a specimen.
 
     For hanging arms of one or more soft segments with a rigid section below each: either SoPrA's three
-    tapering lobes, or a cylinder with any number of chambers. For any other body bring a mesh file (kind
+    tapering lobes, or a cylinder with any number of chambers. For any other body use a mesh file (kind
     mesh_file in docs/specimen.md). Measure lengths and radii in millimetres and masses in grams. A picture
     is written beside the specimen. Calibrate it next: softarm calibrate RECORDING --specimen FILE --out FILE.
 
@@ -55,13 +55,13 @@ def new(out: Path, force: bool, as_json: bool) -> int:
         except InputError as error:
             if not sys.stdin.isatty():
                 raise
-            say(f"softarm: {error}")
-            say("please give the measures again")
+            notify(f"softarm: {error}")
+            notify("please enter the measures again")
     save_specimen(specimen, out)
     written = load_specimen(out)
     draw(written, picture)
     show(*specimen_tables(written), as_json=as_json)
-    say(f"wrote {out} and {picture}")
+    notify(f"wrote {out} and {picture}")
     return 0
 
 
@@ -85,7 +85,7 @@ class Quantity(NamedTuple):
             value = math.nan
         if not self.least <= value <= self.most:
             span = f"{self.least:g} to {self.most:g} {self.unit}"
-            raise click.UsageError(f"{answer!r} is no number from {span}")
+            raise click.UsageError(f"{answer!r} is not a number from {span}")
         # A product with a decimal fraction would write its rounding into the file.
         return round(self.si * value, 9)
 
@@ -106,7 +106,7 @@ def _name(answer: str) -> str:
     from softarm.estimator.specimen.entry import NAME
 
     if not re.match(NAME, answer):
-        raise click.UsageError(f"{answer!r} is no name: use letters, digits and _, a letter first")
+        raise click.UsageError(f"{answer!r} is not a valid name: use letters, digits and _, a letter first")
     return answer
 
 
@@ -114,7 +114,7 @@ def _ask() -> "ArmMeasures":
     """Request every measure of the user, with those of SoPrA as defaults."""
     from softarm.estimator.specimen.measures import ArmMeasures, SegmentMeasures, names_of
 
-    say("Measures of the arm; Enter takes the value in brackets.")
+    notify("Measures of the arm; Enter takes the value in brackets.")
     name = click.prompt("Name of the arm", default="my_arm", value_proc=_name, err=True)
     shape = click.prompt("Shape", default="lobes", type=click.Choice(("lobes", "cylinder")), err=True)
     count = click.prompt("Number of soft segments", default=2, type=click.IntRange(1, 6), err=True)

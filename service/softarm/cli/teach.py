@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import json_option, say, show
+from softarm.cli.output import json_option, notify, show
 from softarm.cli.running_arm import arm_options, file_name, hold, leased, seconds_option
 from softarm.common.errors import WorkFailedError
 from softarm.common.tables import Cell, Table
@@ -47,7 +47,7 @@ def save(arm: str, endpoint: str, zenoh_config: Path | None, names: tuple[str, .
 
 def _taught(arm: Arm, name: str) -> dict[str, Cell]:
     arm.teach.start()
-    _ask(f"bring the arm into pose {name}, then press Return")
+    _ask(f"move the arm into pose {name}, then press Return")
     state = arm.states().wait_for(lambda s: s.mode != "TEACH" or s.teach_pressures_pa is not None, TEACH_S)
     if state.mode != "TEACH":
         raise WorkFailedError(f"{arm.keys.arm}: left TEACH for {state.mode}: {state.fault_cause}")
@@ -92,7 +92,7 @@ def goto(
         with suppress(KeyboardInterrupt), leased(running):
             running.arm()
             pose = running.teach.goto(name)
-            say(f"{arm}: goes to {name}; Ctrl-C vents it")
+            notify(f"{arm}: moves to {name}; Ctrl-C vents it")
             hold(running, "HOLDING", seconds)
         show(Table(f"Pose of {arm}", [_row(name, pose)]), as_json=as_json)
     return 0

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import click
 
-from softarm.cli.output import PATH, say
+from softarm.cli.output import PATH, notify
 from softarm.common.errors import WorkFailedError
 from softarm.daemon.config import load_config
 from softarm.drivers.device import close_all, connect_all
@@ -32,4 +32,4 @@ async def _vent(path: Path) -> None:
         raise WorkFailedError("; ".join(errors.lines())) from errors
     finally:
         await close_all(valves)  # closing writes zeros
-    say(f"vented: {', '.join(bank.name for bank in valves)}")
+    notify(f"vented: {', '.join(bank.name for bank in valves)}")

@@ -9,7 +9,7 @@ LOWEST = 1
 """Threads of the kernel that are real-time come first."""
 
 
-def run_first(pid: int = 0) -> None:
+def raise_priority(pid: int = 0) -> None:
     """Schedule a thread before all that are not real-time, where that is permitted.
 
     Args:

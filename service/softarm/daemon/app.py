@@ -9,16 +9,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softarm.common.real_time import run_first
+from softarm.common.real_time import raise_priority
 from softarm.daemon.config import Setup
 from softarm.daemon.control.command_server import CommandServer
+from softarm.daemon.control.dependencies import LoopDependencies
 from softarm.daemon.control.host_watch import HostWatch
 from softarm.daemon.control.instruments import Instruments, LiveInstruments
 from softarm.daemon.control.off_loop import off_loop
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.control.recorder import RecorderError
 from softarm.daemon.control.replay import ReplayedInstruments
-from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.control.tick import Ticker
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
 from softarm.daemon.estimation.solver import SolverSettings
@@ -75,7 +75,7 @@ class Service:
         self._bus = Bus(config.network, config.arm, asyncio.get_running_loop())
         self._loop = ControlLoop(
             setup,
-            Surroundings(
+            LoopDependencies(
                 self._make_instruments,
                 self._make_estimator,
                 self._bus,
@@ -87,7 +87,7 @@ class Service:
 
     def _make_instruments(self, readings: Readings) -> Instruments:
         if self._replay is None:
-            return LiveInstruments(self._setup, readings.take)
+            return LiveInstruments(self._setup, readings.on_reading)
         return ReplayedInstruments(
             self._replay.recording,
             self._setup.config.sensors,
@@ -170,7 +170,7 @@ class Service:
         # A later collection of all that has been built would take longer than a tick.
         gc.collect()
         gc.freeze()
-        run_first()  # the estimator and the network's threads have been started and are not real-time
+        raise_priority()  # the estimator and the network's threads have been started and are not real-time
         stopped = asyncio.create_task(self._stopping.wait())
         with Ticker(1.0 / self._setup.config.control.rate_hz) as ticker:
             async for tick in ticker.ticks():

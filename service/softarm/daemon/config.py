@@ -7,7 +7,7 @@ from typing import Any
 
 from pydantic import BaseModel, ValidationError
 
-from softarm.daemon.consistency import misfits
+from softarm.daemon.consistency import inconsistencies
 from softarm.daemon.settings import (
     ControlSettings,
     PageSettings,
@@ -94,7 +94,7 @@ def load_config(path: Path) -> Setup:
     errors += _inconsistencies(document, specimen)
     if config is not None and specimen is not None:
         config = _rooted(config, path.absolute().parent)
-        errors += misfits(config, specimen, devices)
+        errors += inconsistencies(config, specimen, devices)
     if errors or config is None or specimen is None:
         raise ConfigError(path, errors)
     return Setup(path, text, config, specimen, devices)

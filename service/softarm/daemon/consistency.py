@@ -7,9 +7,9 @@ from softarm.drivers.config import DriverConfig
 from softarm.drivers.valves.config import ValveConfig
 from softarm.estimator.specimen import Specimen
 from softarm_client.errors import SetupError
-from softarm_client.session import open_to_anybody
+from softarm_client.session import unauthenticated_endpoints
 
-TICKS_PER_LIFE = 3
+TICKS_PER_LIFETIME = 3
 """What the loop renews must live for so many ticks: one may come late and one be skipped."""
 PERIODS_PER_READING = 2
 """A sensor may miss one reading before it is stale."""
@@ -17,7 +17,9 @@ PLACED = ("pose", "orientation")
 """Kinds of sensors that are recorded as the frame of their section."""
 
 
-def misfits(config: ServiceConfig, specimen: Specimen, devices: Sequence[DriverConfig]) -> Iterator[str]:
+def inconsistencies(
+    config: ServiceConfig, specimen: Specimen, devices: Sequence[DriverConfig]
+) -> Iterator[str]:
     """Find values that are each valid and do not fit together.
 
     Args:
@@ -30,7 +32,7 @@ def misfits(config: ServiceConfig, specimen: Specimen, devices: Sequence[DriverC
     """
     yield from _unguarded_listeners(config)
     yield from _doubled_sensors(config.sensors)
-    yield from _short_lives(config)
+    yield from _short_lifetimes(config)
     for index, device in enumerate(devices):
         if isinstance(device, ValveConfig):
             yield from _valves(f"devices[{index}] ({device.name})", device, config, specimen)
@@ -39,15 +41,15 @@ def misfits(config: ServiceConfig, specimen: Specimen, devices: Sequence[DriverC
 
 def _unguarded_listeners(config: ServiceConfig) -> Iterator[str]:
     try:
-        unguarded = open_to_anybody(config.network)
+        unguarded = unauthenticated_endpoints(config.network)
     except SetupError as error:
         yield f"network.zenoh_config: {error}"
         return
     for endpoint in unguarded:
         yield (
-            f"network.listen: {endpoint} lets anybody on the network move the arm; name a file with users or "
-            "client certificates in network.zenoh_config (deploy/zenoh), listen on 127.0.0.1, "
-            "or set network.allow_unauthenticated = true"
+            f"network.listen: {endpoint} lets everybody on the network move the arm; name a file with users "
+            "or client certificates in network.zenoh_config (deploy/zenoh), listen on 127.0.0.1, or set "
+            "network.allow_unauthenticated = true"
         )
 
 
@@ -63,14 +65,14 @@ def _doubled_sensors(sensors: Sequence[SensorSettings]) -> Iterator[str]:
         taken.setdefault(place, index)
 
 
-def _short_lives(config: ServiceConfig) -> Iterator[str]:
+def _short_lifetimes(config: ServiceConfig) -> Iterator[str]:
     """Find deadlines that pass between two ticks of the control loop."""
-    least_s = TICKS_PER_LIFE / config.control.rate_hz
+    least_s = TICKS_PER_LIFETIME / config.control.rate_hz
     for name in ("setpoint_lifetime_s", "lease_s", "estimator_deadline_s"):
         seconds = getattr(config.safety, name)
         if seconds < least_s:
             yield (
-                f"safety.{name}: {seconds:g} s is less than {TICKS_PER_LIFE} ticks at control.rate_hz = "
+                f"safety.{name}: {seconds:g} s is less than {TICKS_PER_LIFETIME} ticks at control.rate_hz = "
                 f"{config.control.rate_hz:g}; write at least {least_s:g}, or raise the rate"
             )
 
@@ -94,11 +96,11 @@ def _valves(place: str, valves: ValveConfig, config: ServiceConfig, specimen: Sp
             f"safety.setpoint_lifetime_s: {lifetime_s:g} s, but {place}.max_lifetime_s is "
             f"{valves.max_lifetime_s:g} s; write at most that"
         )
-    least_s = TICKS_PER_LIFE / valves.rate_hz
+    least_s = TICKS_PER_LIFETIME / valves.rate_hz
     for name, seconds in (("setpoint_lifetime_s", lifetime_s), ("valve_deadline_s", deadline_s)):
         if seconds < least_s:
             yield (
-                f"safety.{name}: {seconds:g} s is less than {TICKS_PER_LIFE} passes at {place}.rate_hz = "
+                f"safety.{name}: {seconds:g} s is less than {TICKS_PER_LIFETIME} passes at {place}.rate_hz = "
                 f"{valves.rate_hz:g}; write at least {least_s:g}, or raise that rate"
             )
 

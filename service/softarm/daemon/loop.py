@@ -10,6 +10,7 @@ from softarm.daemon.control.channels import ChannelReading
 from softarm.daemon.control.command_handler import CommandContext, CommandHandler
 from softarm.daemon.control.controller import Controller
 from softarm.daemon.control.deadlines import deadlines_s
+from softarm.daemon.control.dependencies import LoopDependencies
 from softarm.daemon.control.estimates import Estimates
 from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.lateness import Lateness
@@ -21,7 +22,6 @@ from softarm.daemon.control.recording_header import recording_header
 from softarm.daemon.control.reporting import Reporter
 from softarm.daemon.control.safety_monitor import SafetyInputs, SafetyMonitor
 from softarm.daemon.control.streams import RecordedStreams
-from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.control.tick import Tick
 from softarm.daemon.safety.checks import ALL_CHECKS
 from softarm.daemon.safety.diagnostics import HealthMonitor
@@ -42,35 +42,35 @@ class ControlLoop:
 
     Args:
         setup: The checked configuration.
-        surroundings: Instruments, estimator, network and clocks.
+        dependencies: Instruments, estimator, network and clocks.
     """
 
-    def __init__(self, setup: Setup, surroundings: Surroundings) -> None:
+    def __init__(self, setup: Setup, dependencies: LoopDependencies) -> None:
         config, specimen = setup.config, setup.specimen
         self._setup = setup
-        self._surroundings = surroundings
-        self._clocks = surroundings.clocks
+        self._dependencies = dependencies
+        self._clocks = dependencies.clocks
         self.recorder = Recorder(
             config.recording_directory,
-            free_bytes=lambda: surroundings.host().free_bytes,
+            free_bytes=lambda: dependencies.host().free_bytes,
             header=recording_header(setup),
             clocks=lambda: Start(self._clocks.monotonic_ns(), self._clocks.unix_ns()),
         )
         self._lateness = Lateness()
         self.readings = Readings(
             config.sensors,
-            surroundings.base_body,
+            dependencies.base_body,
             config.safety,
             self._on_reading,
             self._on_packet,
             deadlines_s(setup),
         )
-        self.instruments = surroundings.instruments(self.readings)
+        self.instruments = dependencies.instruments(self.readings)
         self._streams = RecordedStreams(
             self.recorder,
             config.sensors,
             self.instruments.bank,
-            surroundings.base_body,
+            dependencies.base_body,
             len(specimen.chambers),
             self._clocks.monotonic_ns,
         )
@@ -94,10 +94,10 @@ class ControlLoop:
             self._clocks.monotonic_ns,
             self._clocks.unix_ns,
         )
-        self._reporter = Reporter(config.arm, publisher, surroundings.outlet, self._streams)
+        self._reporter = Reporter(config.arm, publisher, dependencies.sink, self._streams)
         self.estimates = Estimates(
             setup,
-            surroundings,
+            dependencies,
             self.readings,
             self.instruments,
             self.controller,
@@ -154,7 +154,7 @@ class ControlLoop:
         self._ticks += 1
         self.safety.overran(tick.missed, now_ns)
         self._lateness.add(now_ns, tick.late_ns)
-        self._lateness.starved_percent = self._surroundings.host().starved_percent
+        self._lateness.starved_percent = self._dependencies.host().starved_percent
         self.estimates.process.watch()
         self._announce_ready()
         # The set-point first: nothing below may delay what the valves wait for.
@@ -174,7 +174,7 @@ class ControlLoop:
             gave_up = self.estimates.process.state.gave_up
             cause = "the estimator cannot be built: see the log" if gave_up else "the estimator is ready"
             self.controller.fire(Trigger.READY, cause)
-        self._surroundings.ready()
+        self._dependencies.ready()
 
     async def answer(self, verb: str, payload: bytes) -> Applied | Refused:
         """Carry out one command and record its answer."""
@@ -201,7 +201,9 @@ class ControlLoop:
         self.controller.fire(Trigger.SHUT_DOWN, "the service ends")
 
     def _on_reading(self, reading: ChannelReading) -> None:
-        self._streams.take(reading)  # the streams need the instruments, and these the readings: built later
+        self._streams.record_reading(
+            reading
+        )  # the streams need the instruments, and these the readings: built later
 
     def _on_packet(self) -> None:
         """Start an estimate as soon as a packet of the leading device is complete."""

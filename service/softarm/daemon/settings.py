@@ -23,11 +23,11 @@ class ControlSettings(StrictTable):
     rate_hz: Positive = 100.0
     """Rate of the control loop."""
     model: Literal["fem", "rod"] = "fem"
-    """What the estimator runs on: the converged finite elements or the calibrated rod."""
+    """Model of the estimator: the converged finite elements or the calibrated rod."""
     forces_on: tuple[str, ...] = ()
     """Sections on which an external force may act; all that move when left out."""
     load_std_n: Positive = 1.0
-    """Forces of this size are expected; far larger ones are found, but later."""
+    """Expected size of forces; much larger ones are estimated with a delay."""
     load_time_constant_s: Positive = 1.0
     """How fast external forces change."""
     hold_rate_per_s: Positive = 0.6
@@ -40,15 +40,15 @@ class SafetySettings(StrictTable):
     """The ``[safety]`` table."""
 
     lease_s: Positive = 1.0
-    """A lease that is not renewed for so long is lost, and the arm vents."""
+    """Time after which a lease that is not renewed is lost; the arm then vents."""
     valve_deadline_s: Positive = 0.15
-    """A valve bank that does not answer for so long is lost."""
+    """Time without an answer after which the valve bank counts as lost."""
     sensor_deadline_s: Positive = 0.15
-    """A sensor without a valid reading for so long is stale."""
+    """Time without a valid reading after which a sensor is stale."""
     estimator_deadline_s: Positive = 1.0
-    """An estimator without a result for so long has failed."""
+    """Time without a result after which the estimator has failed."""
     setpoint_lifetime_s: Positive = 0.1
-    """What is written to the valves expires after so long unless the loop renews it."""
+    """Time after which a set-point written to the valves expires unless the loop renews it."""
 
 
 class PageSettings(StrictTable):

@@ -13,77 +13,81 @@ from softarm.common.processes import processes
 from softarm.common.tables import Table
 from softarm.estimator.files import write_whole
 from softarm.experiments.figures import Cells
-from softarm.experiments.seed import FAILED, HANDS, IN_REACH, SeedPlan, SeedResult, run_seed
+from softarm.experiments.seed import FAILED, HAND_MOTIONS, REACHABLE, SeedPlan, SeedResult, run_seed
 from softarm.experiments.teaching import CORRECTIONS
 
 EXPERIMENTS = ("calibrate", "validate", "force", "teach")
 
 WAY = (
-    "Recorded runs: the fake arm went through each manoeuvre faster than real time, and the service's own "
-    "estimator ran over the recording. Seed k is fake arm k: unequal chambers, frames and base misaligned by "
+    "Recorded runs: the fake arm performed each manoeuvre faster than real time, and the estimator of the "
+    "service ran over the recording. Seed k is fake arm k: unequal chambers, frames and base misaligned by "
     "up to two degrees, creep, hysteresis and noise at the levels of the real recordings."
 )
 TITLES = {
     "validation": "Validation of the calibration: poses from pressures alone, at random pressures on two of "
     "three chambers per segment",
     "force": "External force along the cord, from orientations and pressures",
-    "sensors": "The same by sensors",
+    "sensors": "External force along the cord, by sensors used",
     "beyond": "Beyond the paper: while the arm moves, and at the intermediate section",
     "axial": "Beyond the paper: axial force and torque, from poses",
     "location": "Beyond the paper: where along the arm the cord pulls",
-    "teach": "Teach mode: poses shown by a hand, then held by pressures",
+    "teach": "Teach mode: poses set by hand, then held by pressures",
     "comparison": "One calibration for all, compared with the paper's two",
     "unknowns": "The joint calibration",
-    "drift": "Has it gone stale: the validation run against the calibration's own scatter",
+    "drift": "Drift: scatter in the validation run against the scatter at the calibration",
 }
 NOTES = {
     "validation": (
         "Held out: calibrated on other recordings. Leave one out: refitted to the other poses of this one.",
     ),
     "force": (
-        "Not pressurised: the gauge moves away in about a dozen steps in several directions, estimates while "
-        "it rests. Pressurised: pressures ramp up and down in 8 s against the cord, all estimates.",
+        "Not pressurised: the gauge moves away in about a dozen steps in several directions; the estimates "
+        "are those while it rests. Pressurised: pressures ramp up and down in 8 s against the cord; all "
+        "estimates count.",
         "Errors are of the lateral part along the cord; range is that of the gauge in the run. The gauge is "
         "averaged over the same window as the readings, and each pull is tared by the rest just before it. "
-        "Standard deviations are of the force before that: the tare takes out much of what the model lacks.",
+        "Standard deviations are of the force before the tare, which removes much of the model error.",
     ),
     "beyond": (
-        "The calibration has seen pulls at the tip only. Four unknown loads: two lateral forces on either "
+        "The calibration used pulls at the tip only. Four unknown loads: two lateral forces on either "
         "section, the pull on the tip alone.",
         "Moving: while the cord lets the vented arm go, the rubber remembers a share of the largest force "
         "since the tare, which the calibration has measured and an estimate leaves out. Few pulls show how "
-        "much that share differs, so that the deviation is rather too large.",
-        "Intermediate: pulls on the tip do not show how stiff the sections are, which the fake arm has rigid "
-        "and the drawing of rubber; that makes a force there too large.",
+        "much that share varies, so the standard deviation is too large rather than too small.",
+        "Intermediate: pulls on the tip do not determine the stiffness of the sections, which are rigid in "
+        "the fake arm and of rubber in the specimen; the estimate of a force there is therefore too large.",
     ),
     "axial": (
-        "Cords pull sideways, so that no calibration says how an axial force or a torque errs: their "
-        "deviations are what the scatter of the readings makes them. Pulls against pressures hardly twist "
-        "the arm; the scatter of its torsion is therefore that of free poses. In the elements torsion "
-        "follows from bending, while each fake arm has a torsional stiffness of its own.",
+        "Cords pull sideways, so no calibration measures the error of an axial force or a torque: their "
+        "standard deviations follow from the scatter of the readings alone. Pulls against pressures hardly "
+        "twist the arm; the scatter of its torsion is therefore that of free poses. In the finite elements "
+        "torsional and bending stiffness share one modulus, while each fake arm has its own torsional "
+        "stiffness.",
     ),
     "location": (
-        "Fake arm and elements both shear, by unlike laws: shift over rotation differs between them, which "
-        "looks like another height. The deviation counts such an error of form. Pulls on the tip hardly show "
-        "how much an arm shears, in which fake arms differ; the place is off by what they differ by.",
+        "Fake arm and finite elements both shear, by different laws: the ratio of displacement to rotation "
+        "differs, which looks like a contact at another height. The standard deviation includes this error. "
+        "Pulls on the tip hardly determine the shear stiffness, which differs from one fake arm to the next; "
+        "the location is off accordingly.",
     ),
     "teach": (
-        "Errors are of the tip against the pose while the hand held it. Nearest in reach: mean distance of "
-        "the nearest poses that any pressures give, by the calibrated model.",
+        "Errors are of the tip, relative to the pose in which the hand held it. Nearest in reach: mean "
+        "distance to the nearest poses that pressures can produce, by the calibrated model.",
     ),
     "comparison": (
-        "Errors of the tip. The paper's calibrations know neither misalignments nor gravity nor the growth "
-        "of the gains; its alpha is the factor on both moduli.",
+        "Errors of the tip. The paper's calibrations include neither misalignments nor gravity nor the "
+        "increase of the gains with pressure; its alpha is the factor on both moduli.",
     ),
 }
 AIMS_NOTE = (
-    "Mean error over each run, then over the seeds. Nearest in reach: how far the nearest poses are that any "
-    "pressures give, by the calibrated model; what is missed beyond that is missed by teach mode."
+    "Mean error over each run, then over the seeds. Nearest in reach: mean distance to the nearest poses "
+    "that pressures can produce, by the calibrated model; only the error beyond it is an error of teach "
+    "mode."
 )
-HANDS_NOTE = (
-    "One hand leads the vented arm sideways; pressures that bend it as far also lengthen it, so most of its "
-    "poses are out of reach. The other draws it out as well. In reach are poses that pressures bring the "
-    "calibrated model to within the aims."
+HAND_MOTIONS_NOTE = (
+    "In the lateral runs the hand moves the vented arm sideways. Pressures that bend the arm as far also "
+    "lengthen it, so most of these poses cannot be reached. In the other runs the hand stretches the arm as "
+    "well. A pose is reachable if pressures bring the calibrated model to within the aims of it."
 )
 ORDER = tuple(TITLES)
 
@@ -125,7 +129,7 @@ def tables_of(results: Iterable[SeedResult]) -> tuple[Table, ...]:
         if rows:
             notes = list(NOTES.get(name, ()))
             if name == "teach":
-                notes += [HANDS_NOTE] if "hand" in rows[0] else []
+                notes += [HAND_MOTIONS_NOTE] if "hand_motion" in rows[0] else []
                 notes += [f"Seed {r.number}: {note}" for r in results for note in r.notes if "poses" in note]
             tables.append(Table(TITLES[name], rows, tuple(notes)))
     return tuple(tables)
@@ -177,19 +181,19 @@ def _is_force(condition: str) -> Callable[[Cells], bool]:
     return lambda row: row.get("condition") == condition and "paper_mean_percent" in row
 
 
-def _is_teach(quantity: str, hand: str) -> Callable[[Cells], bool]:
-    wanted = (f"after {CORRECTIONS} corrections by feedback", quantity, hand)
-    return lambda row: (row.get("run"), row.get("quantity"), row.get("hand")) == wanted
+def _is_teach(quantity: str, motion: str) -> Callable[[Cells], bool]:
+    wanted = (f"after {CORRECTIONS} corrections by feedback", quantity, motion)
+    return lambda row: (row.get("run"), row.get("quantity"), row.get("hand_motion")) == wanted
 
 
 _AIMS: tuple[tuple[str, str, Callable[[Cells], bool]], ...] = (
     ("validation", "position [mm]", _is_validation("position")),
     ("validation", "orientation [degrees]", _is_validation("orientation")),
     *(
-        ("teach", f"{quantity}, {which} [{unit}]", _is_teach(quantity, hand))
-        for hand, which in (
-            *((hand, f"hand {hand}") for hand in HANDS.values()),
-            (IN_REACH, "poses in reach of either"),
+        ("teach", f"{quantity}, {which} [{unit}]", _is_teach(quantity, motion))
+        for motion, which in (
+            *((motion, f"{motion} hand motion") for motion in HAND_MOTIONS.values()),
+            (REACHABLE, "reachable poses of both"),
         )
         for quantity, unit in (("position", "mm"), ("orientation", "degrees"))
     ),

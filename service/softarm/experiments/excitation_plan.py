@@ -11,20 +11,20 @@ from softarm.estimator.effects import EFFECTS, Spot, World
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
 from softarm.estimator.excitation import (
+    EffectPair,
     ExcitationPlan,
     Manoeuvre,
     ManoeuvreLimits,
-    Rivals,
     SeparatedArm,
-    menu,
+    full_plan,
     plan_for,
-    whole,
+    standard_manoeuvres,
 )
 from softarm.estimator.model import Frames
-from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import BatchArmModel, BatchInputs
 from softarm.estimator.sensing import Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.simulation import Segments, SimulatedArm, section_loads
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.specimen.physics import Place
@@ -56,7 +56,7 @@ def manoeuvres_of(
     """
     limits = ManoeuvreLimits(np.array(specimen.pressure_limits), slew, share)
     order = [part.name for part in specimen.segments]
-    every = menu(tuple(order.index(chamber.segment) for chamber in specimen.chambers), limits)
+    every = standard_manoeuvres(tuple(order.index(chamber.segment) for chamber in specimen.chambers), limits)
     by_name = {manoeuvre.name: manoeuvre for manoeuvre in every}
     for name in names:
         if name not in by_name:
@@ -84,19 +84,19 @@ def make_plan(
         InputError: The report is of another specimen.
     """
     if report is None or not any(finding.confusable_with for finding in report.findings):
-        return whole(manoeuvres)
+        return full_plan(manoeuvres)
     if report.specimen != specimen.name:
         what = f"is of the specimen {report.specimen!r}, not {specimen.name!r}"
         raise InputError("--report", what, "give the specimen that was diagnosed")
     subject = subject_of(specimen, _sensor_names(report))
     pairs = [
-        Rivals(_found(subject.world, finding), _typical(subject.world, rival.effect, rival.where))
+        EffectPair(_found(subject.world, finding), _typical(subject.world, rival.effect, rival.where))
         for finding in report.findings
         if finding.effect in EFFECTS
         for rival in finding.confusable_with
         if rival.effect in EFFECTS
     ]
-    return plan_for(pairs, manoeuvres, subject, advance) if pairs else whole(manoeuvres)
+    return plan_for(pairs, manoeuvres, subject, advance) if pairs else full_plan(manoeuvres)
 
 
 def count_of_pairs(report: Report | None) -> int:
@@ -128,7 +128,7 @@ def _arm(specimen: Specimen) -> SimulatedArm:
         model = rod.with_loads(section_loads(rod.sections))
     else:
         sections = tuple(section.name for section in specimen.sections)
-        model = NodeByNode(build_arm(specimen, section_loads(sections)))
+        model = SequentialBatchModel(build_arm(specimen, section_loads(sections)))
     rest = model.evaluate(BatchInputs.none(model)).frames
     frames = Frames(rest.positions[0], rest.rotations[0])
     return SimulatedArm(model, Segments.of(specimen, model.sections, frames))

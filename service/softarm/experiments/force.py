@@ -18,7 +18,7 @@ STEPS = 8
 """Positions of the gauge, and pressures, at which the force is compared."""
 TRAVEL_M = 0.065
 """How far the gauge moves away: to about 0.67 N, the paper's range, on SoPrA."""
-RAMP_S, SETTLE_S, LOOK_S = 0.5, 1.0, 0.5
+RAMP_S, SETTLE_S, WINDOW_S = 0.5, 1.0, 0.5
 """Duration of a change of pressure, wait before each comparison, and the duration that it averages over.
 
 The arm's slowest vibration has a period of about half a second: a ramp of one period leaves little of it.
@@ -68,7 +68,7 @@ def compared(rig: LiveRig) -> dict[str, float]:
     states: list[State] = []
     estimates: list[Estimate] = []
     with rig.client.states().subscribe(states.append), rig.client.estimates().subscribe(estimates.append):
-        rig.wait(LOOK_S)
+        rig.wait(WINDOW_S)
     loads = [load for estimate in estimates for load in estimate.loads if load.section == SECTION]
     if not loads:
         raise InputError(rig.client.keys.arm, f"publishes no force on {SECTION}", "see its findings")

@@ -25,10 +25,10 @@ from softarm.experiments.pulls import (
     TAUT_N,
     ForceErrors,
     GaugePull,
-    at_looks,
+    averaged_over,
     force_errors,
-    look_windows,
     pull_of,
+    rest_windows,
 )
 from softarm.experiments.subsets import subset
 
@@ -37,7 +37,7 @@ SWINGING_HZ = 50.0
 """Estimates per second of an arm that moves slowly, and of one that swings."""
 VENTED_PA = 1.0e3
 CANDIDATES = 14
-LOOKS = 6
+LOCATED_SAMPLES = 6
 """Pulls that are located."""
 
 
@@ -76,7 +76,7 @@ class PullCase:
     specimen: Specimen
     waypoints: Waypoints[Any] = field(default_factory=Waypoints)
 
-    def look(self, sensors: str, rate: float | None = None) -> tuple[CalibrationRun, GaugePull]:
+    def readings_and_pull(self, sensors: str, rate: float | None = None) -> tuple[CalibrationRun, GaugePull]:
         """Return the readings of some sensors and the gauge's pull, at a rate or at the end of each rest.
 
         Args:
@@ -84,7 +84,7 @@ class PullCase:
             rate: Samples per second; None for one at the end of each rest of gauge and pressures.
         """
         run = arrange(self.recording, self.specimen, None, section_forces(self.specimen))
-        sampled = at_looks(run, look_windows(self.recording)) if rate is None else resample(run, rate)
+        sampled = averaged_over(run, rest_windows(self.recording)) if rate is None else resample(run, rate)
         chosen = subset(sampled, sensors)
         return chosen, pull_of(self.recording, self.specimen, chosen)
 
@@ -107,7 +107,7 @@ def follow_pull(
         at_rest: Estimate once at the end of each rest of gauge and pressures instead.
         released: Also judge the time after the cord was let go, while the arm swings.
     """
-    slow, pull = case.look(sensors, None if at_rest else rate)
+    slow, pull = case.readings_and_pull(sensors, None if at_rest else rate)
     if released:
         pull = pull.released()
     model = tracking_model(
@@ -146,7 +146,7 @@ def along_cord_row(done: PullTrack, published: Published | None = None) -> Cells
 
 def axial_rows(case: PullCase, *, at_rest: bool = False) -> list[Cells]:
     """Estimate force along the arm's axis and torque about it from poses; the cord applies no torque."""
-    slow, pull = case.look("poses", None if at_rest else RATE_HZ)
+    slow, pull = case.readings_and_pull("poses", None if at_rest else RATE_HZ)
     model = tracking_model(case.specimen, wrench_loads(case.specimen, pull.section))
     tracked = track(model, case.specimen, slow, waypoints=case.waypoints)
     tied = pull.tied
@@ -177,10 +177,10 @@ def axial_rows(case: PullCase, *, at_rest: bool = False) -> list[Cells]:
 
 def location_rows(case: PullCase) -> list[Cells]:
     """Find where along the arm the cord pulls, from poses, at the strongest steady pulls."""
-    slow, pull = case.look("fused")
+    slow, pull = case.readings_and_pull("fused")
     strength = np.linalg.norm(pull.force, axis=1) * pull.tied
     strength[~np.isfinite(slow.readings).all(axis=1)] = 0.0
-    chosen = [index for index in _strongest(strength, slow.time, LOOKS) if strength[index] > TAUT_N]
+    chosen = [index for index in _strongest(strength, slow.time, LOCATED_SAMPLES) if strength[index] > TAUT_N]
     loads = default_loads(case.specimen, (pull.section,))
     low = min(segment.from_m for segment in case.specimen.segments)
     truth = case.specimen.section(pull.section).frame_origin_m[2]
@@ -212,7 +212,7 @@ def location_rows(case: PullCase) -> list[Cells]:
             "condition": case.condition,
             "section": pull.section,
             "height_mm": 1e3 * truth,
-            "looks": len(errors),
+            "samples": len(errors),
             "mean_error_mm": float(np.mean(np.abs(errors))) if errors else None,
             "max_error_mm": float(np.max(np.abs(errors))) if errors else None,
             "std_of_estimate_mm": float(np.mean(deviations)) if errors else None,

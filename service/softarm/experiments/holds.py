@@ -11,16 +11,16 @@ from softarm.estimator.recording import Recording
 
 STEADY_PA = 1.0
 """Change from sample to sample from which a command counts as moving: small steps are led slowly."""
-LOOK_S = 0.5
+WINDOW_S = 0.5
 
 
-def hold_windows(recording: Recording, shortest: float = 2.0, look: float = LOOK_S) -> Floats:
-    """Find where commanded pressures stay for a while, beginning and end [s] of each look, shape (looks, 2).
+def hold_windows(recording: Recording, shortest: float = 2.0, window_s: float = WINDOW_S) -> Floats:
+    """Find where commanded pressures stay for a while, the window at the end of each [s], shape (windows, 2).
 
     Args:
         recording: What was recorded, with commanded pressures.
         shortest: Shortest hold that counts [s].
-        look: Length of the window at the end of a hold [s].
+        window_s: Length of the window at the end of a hold [s].
     """
     names = [name for name in recording.columns if name.startswith("pressure_cmd_")]
     table = recording.stack(tuple(names)) if names else np.zeros((len(recording.time), 0))
@@ -32,7 +32,7 @@ def hold_windows(recording: Recording, shortest: float = 2.0, look: float = LOOK
     starts = np.concatenate([[times[0]], times[moving + 1]])
     ends = np.concatenate([times[moving], [times[-1]]])
     long = ends - starts >= shortest
-    return np.column_stack([ends[long] - look, ends[long]])
+    return np.column_stack([ends[long] - window_s, ends[long]])
 
 
 def means(run: CalibrationRun, windows: Floats) -> CalibrationRun:

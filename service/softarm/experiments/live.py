@@ -15,7 +15,7 @@ from softarm.estimator.recording import Recording
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Specimen, load_specimen
 from softarm.experiments.excitation import specimen_of_arm
-from softarm.experiments.operator import ExperimentOperator, FakeOperator, Person
+from softarm.experiments.operator import ExperimentOperator, FakeOperator, PromptedOperator
 from softarm.experiments.rig import PATIENCE, FakeRig, RigSettings, free_endpoint
 from softarm.experiments.rig_control import FakeControl, laboratory_of, ramp_pressures
 from softarm.experiments.session import connect, recorded, wait_ready
@@ -234,7 +234,7 @@ def live_rig(
             wait_ready(client)
             described = load_specimen(specimen) if specimen else specimen_of_arm(client)
             with client.lease():
-                yield LiveRig(client, Person(ask), described)
+                yield LiveRig(client, PromptedOperator(ask), described)
 
 
 @contextmanager

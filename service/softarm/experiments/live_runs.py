@@ -152,10 +152,10 @@ def force_live(rig: LiveRig) -> tuple[Recording, Recording]:
 
 
 def teach_live(rig: LiveRig, seed: int) -> tuple[Recording, ...]:
-    """Show poses by hand, let the service hold each, and look.
+    """Show poses by hand, let the service hold each, and measure.
 
-    The recording notes when the looks at shown and held poses ended [s], ``looks``, whether the service
-    called each pose reachable, ``reachable``, and its note on how near pressures come, ``limits``.
+    The recording notes when the averaging windows of shown and held poses ended [s], ``looks``, whether the
+    service called each pose reachable, ``reachable``, and how near pressures come, ``limits``.
     """
     rng = np.random.default_rng(seed)
     shown: list[float] = []
@@ -180,7 +180,7 @@ def _show_and_hold(rig: LiveRig, rest: Floats, goal: Floats) -> tuple[float, flo
     """Show one pose, let the service hold it, and let go.
 
     Returns:
-        Ends of the looks at the shown and the held pose [s], and the service's answer.
+        Ends of the averaging windows of the shown and the held pose [s], and the service's answer.
 
     Raises:
         WorkFailedError: The hold ended by itself.
@@ -188,13 +188,13 @@ def _show_and_hold(rig: LiveRig, rest: Floats, goal: Floats) -> tuple[float, flo
     rig.arm()
     rig.client.teach.start()
     for share in np.linspace(0.25, 1.0, 4):
-        rig.operator.lead("tip", rest + share * (goal - rest))
+        rig.operator.guide("tip", rest + share * (goal - rest))
         rig.wait(0.3)
     rig.wait(2.0)
     shown = rig.now
     hold = rig.client.teach.hold(ramp_s=1.5)
     rig.wait(1.8)
-    rig.operator.let_go()
+    rig.operator.release()
     rig.wait(4.0)
     held, mode = rig.now, rig.client.state().mode
     if mode != "HOLDING":

@@ -33,7 +33,7 @@ from softarm.experiments.teaching import miss_rows, misses, pose_of
 from softarm.experiments.validation import pose_errors, rows
 from softarm.recordings import save_recording
 
-LOOK_S = 0.5
+WINDOW_S = 0.5
 NODES = 90
 DRAWING = "sopra"
 SPECIMEN = "specimen.toml"
@@ -43,7 +43,7 @@ WAY = "Live over zenoh; figures are of the service's recording, by the service's
 
 
 @dataclass(frozen=True)
-class Talk:
+class ExperimentInteraction:
     """How a live experiment communicates with whoever started it.
 
     Args:
@@ -57,22 +57,24 @@ class Talk:
     advance: Callable[[], None]
 
 
-def run_live_arms(name: str, settings: LiveRigSettings, count: int, talk: Talk) -> tuple[Table, ...]:
+def run_live_arms(
+    name: str, settings: LiveRigSettings, count: int, interaction: ExperimentInteraction
+) -> tuple[Table, ...]:
     """Run one experiment on several fake arms, each calibrated first as in a laboratory; join the tables.
 
     Args:
         name: ``validate``, ``teach`` or ``force``; or ``calibrate``, which is then all that is done.
         settings: Where; each arm has a folder of its own in that of ``settings``.
         count: Number of arms; they are drawn with tolerances of their own.
-        talk: How it communicates with whoever started it.
+        interaction: How it communicates with whoever started it.
     """
     results, tables = list[SeedResult](), list[Table]()
     for number in range(1, count + 1):
         arm_settings = replace(settings, out=settings.out / f"seed{number}", variant=number)
         if settings.specimen is None and name != "calibrate":
-            run_live("calibrate", arm_settings, number, talk)
+            run_live("calibrate", arm_settings, number, interaction)
             arm_settings = replace(arm_settings, specimen=str(arm_settings.out / SPECIMEN))
-        arm_tables, result = run_live(name, arm_settings, number, talk)
+        arm_tables, result = run_live(name, arm_settings, number, interaction)
         results.append(result)
         tables += arm_tables
     if name == "calibrate":
@@ -83,7 +85,7 @@ def run_live_arms(name: str, settings: LiveRigSettings, count: int, talk: Talk) 
 
 
 def run_live(
-    name: str, settings: LiveRigSettings, seed: int, talk: Talk
+    name: str, settings: LiveRigSettings, seed: int, interaction: ExperimentInteraction
 ) -> tuple[tuple[Table, ...], SeedResult]:
     """Run one experiment live and return its tables; recordings, plots and JSON go to a folder.
 
@@ -91,29 +93,29 @@ def run_live(
         name: ``calibrate``, ``validate``, ``teach`` or ``force``.
         settings: Where it runs; a fake arm is calibrated from its drawing where no specimen is named.
         seed: Of the random poses.
-        talk: How it communicates with whoever started it.
+        interaction: How it communicates with whoever started it.
     """
     sensors = ("pose",) if name == "teach" else ("orientation",)
     out = settings.out
     if name == "calibrate" and settings.arm is None and settings.specimen is None:
         settings = replace(settings, specimen=DRAWING)
-    with live_rig(settings, talk.ask, sensors) as rig:
-        rig.advance = talk.advance
+    with live_rig(settings, interaction.ask, sensors) as rig:
+        rig.advance = interaction.advance
         for lost in rig.lost():
-            talk.notify(lost)
+            interaction.notify(lost)
         if name in PULLED:
             rig.require_gauge()
         done = _RUNS[name](rig, seed)
         specimen = rig.specimen
     kept = [str(save_recording(r, out / "recordings" / r.name, force=True)[0].parent) for r in done]
-    talk.notify(f"recorded: {', '.join(kept)}")
+    interaction.notify(f"recorded: {', '.join(kept)}")
     result, plots = SeedResult(seed), out / "plots"
     if name == "calibrate":
-        tables = _calibrated(specimen, done, out, talk.advance)
+        tables = _calibrated(specimen, done, out, interaction.advance)
         result.tables = {table.title: list(map(dict, table.rows)) for table in tables}
         plot_prediction(tables[-1].rows, plots / "calibration.png")
     else:
-        _JUDGES[name](specimen, done, result)
+        _EVALUATIONS[name](specimen, done, result)
         tables = tuple(_alone(table, seed) for table in tables_of((result,)))
         plot_results((result,), plots)
     write_json((result,), out / f"{name}.json", WAY)
@@ -166,7 +168,7 @@ def _forced(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedR
         result.series[f"force {condition}"] = series_of(done)
 
 
-def judge_taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:
+def evaluate_taught(specimen: Specimen, recordings: tuple[Recording, ...], result: SeedResult) -> None:
     """Compare the tip while poses were shown and while they were held, as ``teach_live`` recorded it."""
     recording = recordings[0]
     posed = pose_of(arrange(recording, specimen), "tip")
@@ -191,8 +193,8 @@ def judge_taught(specimen: Specimen, recordings: tuple[Recording, ...], result: 
 
 
 def _pose_before(run: CalibrationRun, end: float) -> Floats:
-    """Return the mean pose of a look that ends then, NaN where nothing was seen, shape (7,)."""
-    mean = means(run, np.array([[end - LOOK_S, end]])).readings
+    """Return the mean pose of the window that ends then, NaN where nothing was seen, shape (7,)."""
+    mean = means(run, np.array([[end - WINDOW_S, end]])).readings
     return mean[0] if len(mean) else np.full(run.readings.shape[1], np.nan)
 
 
@@ -202,8 +204,8 @@ _RUNS: Mapping[str, Callable[[LiveRig, int], tuple[Recording, ...]]] = {
     "force": lambda rig, seed: force_live(rig),  # noqa: ARG005
     "teach": teach_live,
 }
-_JUDGES: Mapping[str, Callable[[Specimen, tuple[Recording, ...], SeedResult], None]] = {
+_EVALUATIONS: Mapping[str, Callable[[Specimen, tuple[Recording, ...], SeedResult], None]] = {
     "validate": _validated,
     "force": _forced,
-    "teach": judge_taught,
+    "teach": evaluate_taught,
 }

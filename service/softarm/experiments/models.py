@@ -10,8 +10,8 @@ from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import section_forces
 from softarm.estimator.model import ArmModel, Load
-from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import ArmResponse, BatchArmModel, BatchInputs
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.wrapper import BatchModelWrapper
 
@@ -24,7 +24,7 @@ NEAR_N = 0.3
 
 def known_force_model(specimen: Specimen, advance: Advance = lambda _: None) -> BatchArmModel:
     """Return what a calibration solves: the model with three known forces on every section."""
-    return NodeByNode(build_arm(specimen, loads=section_forces(specimen)), advance)
+    return SequentialBatchModel(build_arm(specimen, loads=section_forces(specimen)), advance)
 
 
 @dataclass
@@ -32,14 +32,14 @@ class SharedSolutions:
     """Responses of models of one arm, from which others of the same arm begin at nearly the same inputs.
 
     Args:
-        known: Pressures [Pa] and loads [N] of each batch, and the response to it.
+        solved: Pressures [Pa] and loads [N] of each batch, and the response to it.
     """
 
-    known: list[tuple[Floats, Floats, ArmResponse]] = field(default_factory=list)
+    solved: list[tuple[Floats, Floats, ArmResponse]] = field(default_factory=list)
 
     def near(self, pressures: Floats, loads: Floats) -> ArmResponse | None:
         """Return the newest response to a batch of the same nodes."""
-        for before, pulled, response in reversed(self.known):
+        for before, pulled, response in reversed(self.solved):
             if _alike(before, pressures, NEAR_PA) and _alike(pulled, loads, NEAR_N):
                 return response
         return None
@@ -62,7 +62,7 @@ class WarmModel(BatchModelWrapper):
         if start is None:
             start = self.responses.near(inputs.pressures, inputs.loads)
         response = self.model.evaluate(inputs, start=start, jacobians=jacobians)
-        self.responses.known.append((inputs.pressures, inputs.loads, response))
+        self.responses.solved.append((inputs.pressures, inputs.loads, response))
         return response
 
 

@@ -26,10 +26,10 @@ class ExperimentOperator(Protocol):
     def untie(self) -> None:
         """Untie the cord."""
 
-    def lead(self, section: str, place: Floats) -> None:
+    def guide(self, section: str, place: Floats) -> None:
         """Lead a section by hand towards a place in the base frame [m]."""
 
-    def let_go(self) -> None:
+    def release(self) -> None:
         """Release the section."""
 
 
@@ -57,8 +57,8 @@ class FakeOperator:
         """See ``ExperimentOperator.untie``."""
         self.control.ask("cord")
 
-    def lead(self, section: str, place: Floats) -> None:
-        """See ``ExperimentOperator.lead``."""
+    def guide(self, section: str, place: Floats) -> None:
+        """See ``ExperimentOperator.guide``."""
         self.control.ask(
             "hand",
             section=section,
@@ -66,13 +66,13 @@ class FakeOperator:
             stiffness_n_per_m=self.stiffness,
         )
 
-    def let_go(self) -> None:
-        """See ``ExperimentOperator.let_go``."""
+    def release(self) -> None:
+        """See ``ExperimentOperator.release``."""
         self.control.ask("hand")
 
 
 @dataclass
-class Person:
+class PromptedOperator:
     """Shows a person what to do and waits until it is done.
 
     Args:
@@ -98,11 +98,11 @@ class Person:
         self.tied.clear()
         self.ask("Take the cord off and let the arm hang free.")
 
-    def lead(self, section: str, place: Floats) -> None:
-        """See ``ExperimentOperator.lead``."""
+    def guide(self, section: str, place: Floats) -> None:
+        """See ``ExperimentOperator.guide``."""
         where = ", ".join(f"{1e3 * value:.0f}" for value in place)
-        self.ask(f"Lead the {section} by hand to about ({where}) mm in the base frame and keep it there.")
+        self.ask(f"Guide the {section} by hand to about ({where}) mm in the base frame and hold it there.")
 
-    def let_go(self) -> None:
-        """See ``ExperimentOperator.let_go``."""
+    def release(self) -> None:
+        """See ``ExperimentOperator.release``."""
         self.ask("Let go of the arm.")

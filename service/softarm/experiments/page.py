@@ -13,7 +13,7 @@ on a SoPrA arm; the figures here come from simulated arms whose physics differs 
 The unknowns of the calibration were chosen on arms 1 and 2 ([calibration.md](calibration.md)). If a
 covariance is right, 90 to 98 % of the errors lie within two standard deviations; the column `inside 2
 std` shows the measured percentage. In the row `moving` the gauge's stage moves slowly; in `swinging` it
-draws the section away at 20 mm/s and lets go, and the time after that, in which nothing acts, counts too.
+displaces the section at 20 mm/s and releases it; the time after the release, when no force acts, counts too.
 Pulls on the intermediate section are judged with a
 calibration that used pulls on the tip only. In teach mode a simulated hand moves the vented arm to
 random poses; the table counts all of them, and separately those that pressures can reach.

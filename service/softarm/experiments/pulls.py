@@ -17,7 +17,7 @@ from softarm.experiments.holds import means
 TAUT_N = 0.03
 STILL_M_S = 1e-3
 SETTLED_S = 0.6
-LOOK_S = 0.5
+WINDOW_S = 0.5
 LEAVE_S = 0.2
 """End of a rest that is left out: a hook has moved for a while before it is seen to move."""
 
@@ -86,7 +86,7 @@ def pull_of(recording: Recording, specimen: Specimen, run: CalibrationRun) -> Ga
     direction = cord_direction(recording, specimen, run.registration, section)
     if direction is None:
         raise InputError(
-            recording.name, "does not say where the cord leads", "add marker_hook_* or gauge_direction"
+            recording.name, "does not state the direction of the cord", "add marker_hook_* or gauge_direction"
         )
     loads = run.loads.reshape(len(run.time), -1, 3)[:, sections[::3].index(section)]
     nearest = np.clip(np.searchsorted(recording.time, run.time), 0, len(recording.time) - 1)
@@ -118,21 +118,21 @@ def rested(recording: Recording, times: Floats) -> Flags:
     return flags
 
 
-def look_windows(recording: Recording, look: float = LOOK_S) -> Floats:
-    """Find the end of each rest of hook and pressures, beginning and end of a look [s], shape (looks, 2).
+def rest_windows(recording: Recording, window_s: float = WINDOW_S) -> Floats:
+    """Find the end of each rest of hook and pressures, beginning and end of a window [s], shape (windows, 2).
 
     Looks end ``LEAVE_S`` before the rest does.
     """
     times = np.arange(recording.time[0], recording.time[-1], 0.1)
     still = rested(recording, times)
     ends = np.array([times[end - 1] for _, end in runs(still)]) - LEAVE_S
-    return np.column_stack([ends - look, ends])
+    return np.column_stack([ends - window_s, ends])
 
 
-def at_looks(run: CalibrationRun, windows: Floats) -> CalibrationRun:
-    """Average a run over looks, so that each becomes one sample."""
+def averaged_over(run: CalibrationRun, windows: Floats) -> CalibrationRun:
+    """Average a run over windows, so that each becomes one sample."""
     held = means(run, windows)
-    return replace(held, time=held.time - 0.5 * LOOK_S)
+    return replace(held, time=held.time - 0.5 * WINDOW_S)
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from typing import Any, Self
 
 import tomli_w
 
-from softarm.common.real_time import run_first
+from softarm.common.real_time import raise_priority
 from softarm.daemon.config import SafetySettings
 from softarm.daemon.consistency import PLACED
 from softarm.drivers.valves.config import ValveConfig
@@ -261,7 +261,7 @@ class FakeRig:
             self.fakes.__enter__()
         try:
             self.announcement = json.loads(self.fakes.first_line())
-            run_first(self.fakes.process.pid)
+            raise_priority(self.fakes.process.pid)
             table = service_config(self.settings, self.announcement["devices"])
             self.config_path.write_text(tomli_w.dumps(table))
             with niceness(UNIT_NICENESS):

@@ -65,9 +65,9 @@ RUNS: Mapping[str, tuple[str, ...]] = {
 }
 """Runs of the fake arm by name: manoeuvres of its library."""
 
-HANDS = {"taught": "leads sideways", "taught_drawn": "also draws out"}
-"""What the hand does by the name of the run."""
-IN_REACH = "either, poses in reach"
+HAND_MOTIONS = {"taught": "lateral", "taught_drawn": "lateral and axial"}
+"""Direction in which the hand moves the arm, by the name of the run."""
+REACHABLE = "both, reachable poses"
 NODES = 84
 FAILED = " failed: "
 
@@ -120,7 +120,7 @@ class SeedResult:
         self.tables.setdefault(table, []).extend({"seed": self.number} | row for row in new)
 
 
-class SeedBench:
+class SeedSetup:
     """The recordings and the calibration of one arm, made when they are first read."""
 
     def __init__(self, plan: SeedPlan) -> None:
@@ -171,7 +171,7 @@ class SeedBench:
 def run_seed(plan: SeedPlan) -> SeedResult:
     """Do the experiments of one arm."""
     plan.folder.mkdir(parents=True, exist_ok=True)
-    steps: dict[str, Callable[[SeedBench, SeedResult], None]] = {
+    steps: dict[str, Callable[[SeedSetup, SeedResult], None]] = {
         "calibrate": _calibrate,
         "validate": _validate,
         "force": _force,
@@ -183,12 +183,12 @@ def run_seed(plan: SeedPlan) -> SeedResult:
         result = SeedResult(**json.loads(kept.read_text()))
         result.failed.clear()
         result.notes = [note for note in result.notes if FAILED not in note]
-    bench = SeedBench(plan)
+    setup = SeedSetup(plan)
     for name in plan.experiments:
         if name in result.done:
             continue
         try:
-            steps[name](bench, result)
+            steps[name](setup, result)
             result.done.append(name)
         except (ClientError, InputError, WorkFailedError) as error:  # one experiment fails, the others go on
             result.notes.append(f"{name}{FAILED}{error}")
@@ -197,18 +197,18 @@ def run_seed(plan: SeedPlan) -> SeedResult:
     return result
 
 
-def _calibrate(bench: SeedBench, result: SeedResult) -> None:
-    found = bench.found
+def _calibrate(setup: SeedSetup, result: SeedResult) -> None:
+    found = setup.found
     result.add("unknowns", unknown_rows(found))
-    result.add("comparison", comparison_rows(bench.nominal, bench.specimen, bench.run, bench.model))
-    result.add("drift", drift_rows(bench.specimen, bench.run, bench.model))
+    result.add("comparison", comparison_rows(setup.nominal, setup.specimen, setup.run, setup.model))
+    result.add("drift", drift_rows(setup.specimen, setup.run, setup.model))
 
 
-def _validate(bench: SeedBench, result: SeedResult) -> None:
-    specimen = bench.specimen
-    recording = bench.recording("validation")
-    holds = means(bench.run("validation", specimen), hold_windows(recording))
-    solver = bench.model(specimen)
+def _validate(setup: SeedSetup, result: SeedResult) -> None:
+    specimen = setup.specimen
+    recording = setup.recording("validation")
+    holds = means(setup.run("validation", specimen), hold_windows(recording))
+    solver = setup.model(specimen)
     errors = pose_errors(solver, specimen, holds)
     result.add("validation", rows(errors, "held out"))
     result.add("validation", rows(leave_one_out_errors(solver, specimen, holds), "leave one out"))
@@ -216,9 +216,9 @@ def _validate(bench: SeedBench, result: SeedResult) -> None:
     result.series["validation"] = {"mm": last.millimetres.tolist(), "degrees": last.degrees.tolist()}
 
 
-def _force(bench: SeedBench, result: SeedResult) -> None:
+def _force(setup: SeedSetup, result: SeedResult) -> None:
     for condition, name in (("not pressurised", "force_still"), ("pressurised", "force_pressurised")):
-        case = PullCase(condition, bench.recording(name), bench.specimen)
+        case = PullCase(condition, setup.recording(name), setup.specimen)
         resting = condition == "not pressurised"
         done = follow_pull(case, at_rest=resting)
         result.add("force", [along_cord_row(done, FORCE_N[condition])])
@@ -228,17 +228,17 @@ def _force(bench: SeedBench, result: SeedResult) -> None:
             result.add("sensors", [along_cord_row(by)])
         result.add("axial", axial_rows(case, at_rest=resting))
         if resting:
-            every = default_loads(bench.specimen)
+            every = default_loads(setup.specimen)
             for kind in ("orientations", "poses"):
                 by = follow_pull(case, kind, loads=every, at_rest=True)
                 result.add("beyond", [along_cord_row(by)])
             result.add("location", location_rows(case))
-    moving = PullCase("moving", bench.recording("force_moving"), bench.specimen)
+    moving = PullCase("moving", setup.recording("force_moving"), setup.specimen)
     result.add("beyond", [along_cord_row(follow_pull(moving))])
-    swinging = PullCase("swinging", bench.recording("force_swinging"), bench.specimen)
+    swinging = PullCase("swinging", setup.recording("force_swinging"), setup.specimen)
     done = follow_pull(swinging, rate=SWINGING_HZ, released=True)
     result.add("beyond", [along_cord_row(done)])
-    above = PullCase("not pressurised", bench.recording("force_intermediate"), bench.specimen)
+    above = PullCase("not pressurised", setup.recording("force_intermediate"), setup.specimen)
     result.add("beyond", [along_cord_row(follow_pull(above, at_rest=True))])
     result.add("location", location_rows(above))
 
@@ -254,16 +254,16 @@ def series_of(done: PullTrack) -> Series:
     }
 
 
-def _teach(bench: SeedBench, result: SeedResult) -> None:
-    plan, results = bench.plan, []
-    for name, hand in HANDS.items():
-        done = teach_recorded(bench.recording(name), bench.specimen, plan.folder, bench.arm)
+def _teach(setup: SeedSetup, result: SeedResult) -> None:
+    plan, results = setup.plan, []
+    for name, motion in HAND_MOTIONS.items():
+        done = teach_recorded(setup.recording(name), setup.specimen, plan.folder, setup.arm)
         results.append(done)
-        result.add("teach", done.rows(hand))
-        result.notes.append(done.note(hand))
-    sideways, drawn = results
-    both = sideways.joined(drawn)
-    result.add("teach", both.rows(IN_REACH, both.near))
+        result.add("teach", done.rows(motion))
+        result.notes.append(done.note(motion))
+    lateral, stretched = results
+    both = lateral.joined(stretched)
+    result.add("teach", both.rows(REACHABLE, both.near))
     result.series["teach"] = {
         f"{unit}_{attempt}": errors.tolist()
         for unit, sizes in (("mm", both.millimetres), ("degrees", both.degrees))

@@ -63,11 +63,11 @@ class TeachResult:
         near: Flags = (self.beyond[:, 0] <= TEACH_MM.aim) & (self.beyond[:, 1] <= TEACH_DEGREES.aim)
         return near
 
-    def rows(self, hand: str, which: Flags | None = None) -> list[Cells]:
+    def rows(self, motion: str, which: Flags | None = None) -> list[Cells]:
         """Summarise each attempt, beside the paper and the mean distance of the nearest poses within reach.
 
         Args:
-            hand: What the hand did.
+            motion: Direction in which the hand moved the arm.
             which: Poses that count, shape (poses,); all when left out.
         """
         taken = np.ones(len(self.beyond), dtype=bool) if which is None else which
@@ -78,11 +78,11 @@ class TeachResult:
             label = "pressures of the model" if attempt == 0 else f"after {attempt} corrections by feedback"
             missed = miss_rows(label, millimetres[taken], degrees[taken]) if taken.any() else []
             for row, distance in zip(missed, nearest, strict=False):
-                rows.append({"hand": hand, **row, "nearest_in_reach": distance})
+                rows.append({"hand_motion": motion, **row, "nearest_in_reach": distance})
         return rows
 
     def joined(self, other: "TeachResult") -> "TeachResult":
-        """Join the poses of two hands."""
+        """Join the poses of two runs."""
         return TeachResult(
             np.hstack([self.millimetres, other.millimetres]),
             np.hstack([self.degrees, other.degrees]),
@@ -90,12 +90,13 @@ class TeachResult:
             self.reachable + other.reachable,
         )
 
-    def note(self, hand: str) -> str:
+    def note(self, motion: str) -> str:
         """Return how far the nearest poses within reach are."""
         far = [f"{distance:.1f}" for distance in self.beyond[:, 0] if np.isfinite(distance)]
         return (
-            f"{len(self.beyond)} poses of the hand that {hand}, {self.reachable} within reach to within the "
-            f"sensors' noise; the nearest that pressures reach by the model are {', '.join(far)} mm away."
+            f"{len(self.beyond)} poses with {motion} hand motion, of which {self.reachable} can be reached "
+            "to within the sensors' noise; the nearest poses that pressures reach by the model are "
+            f"{', '.join(far)} mm away."
         )
 
 
@@ -113,7 +114,7 @@ def taught_poses(recording: Recording, specimen: Specimen) -> CalibrationRun:
         raise InputError(
             recording.name,
             f"shows {len(held.time)} poses held still for {SHORTEST_S:g} s",
-            "lead the arm to a pose, hold it for 4 s, and go on to the next",
+            "guide the arm to a pose, hold it for 4 s, and go on to the next",
         )
     return held
 
@@ -131,8 +132,8 @@ def pose_of(run: CalibrationRun, section: str) -> CalibrationRun:
     raise InputError(run.name, f"has no pose of {section}", "bring its markers into view, and record anew")
 
 
-def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:
-    """Find where a body rests, beginning and end of the look at each rest's end [s], shape (looks, 2)."""
+def still_windows(time: Floats, positions: Floats, window_s: float = 0.5) -> Floats:
+    """Find where a body rests, beginning and end of the window at each rest's end [s], shape (windows, 2)."""
     valid = np.isfinite(positions).all(axis=1)
     times, points = time[valid], positions[valid]
     width = max(2, round(0.2 / float(np.median(np.diff(times)))))
@@ -141,7 +142,7 @@ def still_windows(time: Floats, positions: Floats, look: float = 0.5) -> Floats:
     speed = np.linalg.norm(np.gradient(smooth, times, axis=0), axis=1)
     speed[:width] = speed[-width:] = 0.0
     windows = [
-        (times[end - 1] - look, times[end - 1])
+        (times[end - 1] - window_s, times[end - 1])
         for start, end in runs(speed <= STILL_M_S)
         if times[end - 1] - times[start] >= SHORTEST_S
     ]

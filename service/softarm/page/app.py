@@ -42,7 +42,7 @@ class Page:
 
     def __enter__(self) -> "Page":
         arm, enter = self._client, self._exit.enter_context
-        enter(arm.states().subscribe(self._controls.operator.see))
+        enter(arm.states().subscribe(self._controls.operator.update_state))
         enter(arm.states().subscribe(Throttle(self._on_state, REFRESH_S)))
         enter(arm.estimates().subscribe(Throttle(self._on_estimate, REFRESH_S)))
         enter(arm.mismatches().subscribe(Throttle(self._panel.show_mismatch, REFRESH_S)))

@@ -5,7 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 import viser
 
 from softarm.page import readings
-from softarm.page.operator import Operator, short_of
+from softarm.page.operator import Operator, unreachable_note
 from softarm.page.text import plain
 from softarm_client import Arm
 from softarm_client.messages import SectionPose, State
@@ -35,7 +35,9 @@ class Controls:
         stop = gui.add_command("STOP", description="Vent at once; needs no lease.", hotkey="escape")
         stop.on_trigger(lambda _: operator.stop())
         teach = gui.add_button(
-            "Teach (keep pressed)", color="green", hint="Dead-man: arms, and frees the arm for the hand."
+            "Teach (keep pressed)",
+            color="green",
+            hint="Dead-man's switch: arms, and lets you move the arm by hand.",
         )
         teach.on_hold(lambda _: operator.press(), callback_hz=HOLD_RATE_HZ)
         self._inputs = [teach, *(self._button(gui, *button) for button in BUTTONS)]
@@ -77,7 +79,7 @@ class Controls:
 
     def _show_chosen(self) -> None:
         pose = self._known.get(self._saved.value)
-        short = "" if pose is None else short_of(pose)
+        short = "" if pose is None else unreachable_note(pose)
         self._beyond.content = readings.reading("beyond", f'<span class="warning">{plain(short)}</span>')
         self._show_pose(() if pose is None else pose.sections)
 
@@ -85,14 +87,14 @@ class Controls:
         with gui.add_folder("Recording"):
             name = gui.add_text("File", "recording")
             start = gui.add_button("Start recording", hint="Write every stream to a file from now on.")
-            end = self._button(gui, "End recording", "Its file is then whole.", Operator.end_recording)
+            end = self._button(gui, "End recording", "Its file is then complete.", Operator.end_recording)
             self._recording = gui.add_html("")
         self._inputs += [start, end]
         start.on_click(lambda _: self._operator.record(name.value))
 
     @property
     def operator(self) -> Operator:
-        """Acts for whoever sits at the page."""
+        """Acts on behalf of the user of the page."""
         return self._operator
 
     def _notify(self, text: str) -> None:

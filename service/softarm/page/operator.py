@@ -16,7 +16,7 @@ RENEW_S = 0.2
 
 
 class Operator:
-    """Acts for whoever sits at the page.
+    """Acts on behalf of the user of the page.
 
     While the dead-man is pressed the arm is armed and can be taught by hand. Once it is let go, and no pose
     is held, the lease is no longer renewed and the arm vents. A held pose lives as long as a browser shows
@@ -57,7 +57,7 @@ class Operator:
         if self._thread.is_alive():
             self._thread.join()
 
-    def see(self, state: State) -> None:
+    def update_state(self, state: State) -> None:
         """Keep the newest state of the service."""
         self._mode = state.mode
         if state.mode != Mode.HOLDING:
@@ -69,11 +69,11 @@ class Operator:
             return  # the last one is still being carried out
         try:
             self._pressed_s = self._clock()
-            self._lead_to_teach()
+            self._enter_teach()
         finally:
             self._acting.release()
 
-    def _lead_to_teach(self) -> None:
+    def _enter_teach(self) -> None:
         commands = {Mode.IDLE: self._client.arm, Mode.ARMED: self._client.teach.start}
         if self._mode in commands and self._acquire():
             self._send(commands[Mode(self._mode)])
@@ -118,7 +118,7 @@ class Operator:
         self._send(lambda: self._client.recordings.start(name), "the recording has started")
 
     def end_recording(self) -> None:
-        """End the recording; its file is then whole."""
+        """End the recording; its file is then complete."""
         self._send(self._client.recordings.stop, "the recording has ended")
 
     def poses(self) -> dict[str, Pose]:
@@ -140,12 +140,12 @@ class Operator:
             self._notify(f"refused: {refusal}")
             return False
         self._mode = result.mode
-        short = short_of(result) if isinstance(result, Pose) else ""
+        short = unreachable_note(result) if isinstance(result, Pose) else ""
         self._notify("; ".join(filter(None, (f"the arm is {self._mode}", done, short))))
         return True
 
     @property
-    def wanted(self) -> bool:
+    def needs_lease(self) -> bool:
         """Whether the lease is to be kept."""
         pressed = self._clock() - self._pressed_s < GRACE_S
         return pressed or (self._holding and self._browsers() > 0)
@@ -160,10 +160,10 @@ class Operator:
 
     def _keep(self) -> None:
         while not self._stop.wait(RENEW_S):
-            if self.wanted:
+            if self.needs_lease:
                 self._acquire()
 
 
-def short_of(pose: Pose) -> str:
+def unreachable_note(pose: Pose) -> str:
     """Return why a pose is out of reach, nothing when it is not."""
     return "" if pose.reachable else pose.note

@@ -11,9 +11,9 @@ from softarm_client.modes import PRESSURISED, Mode
 
 COLOURS = ("#e08a00", "#2ca02c", "#9467bd", "#17a2b8", "#8c564b", "#e377c2")
 """Of the forces, in the order of the sections: the arrow, the curve and the table's row."""
-IN_WORDS: Mapping[str, str] = {
+MODE_DESCRIPTIONS: Mapping[str, str] = {
     Mode.STARTING: "The service starts. The arm is vented.",
-    Mode.IDLE: "The arm is vented and follows nobody.",
+    Mode.IDLE: "The arm is vented and accepts no set-points.",
     Mode.ARMED: "The valves follow set-points. Pressures may change at any time.",
     Mode.TEACH: "The arm can be moved by hand.",
     Mode.HOLDING: "The arm holds a pose.",
@@ -49,7 +49,7 @@ def status(state: State) -> str:
     cause = f'<div class="fault">{plain(state.fault_cause)}</div>' if state.fault_cause else ""
     wrong = sorted(state.findings, key=_rank)
     findings = "".join(f'<div class="{_rank_name(f)}">{_finding(f)}</div>' for f in wrong)
-    words = f"{IN_WORDS.get(state.mode, '')} {plain(state.teach_note or '')}"
+    words = f"{MODE_DESCRIPTIONS.get(state.mode, '')} {plain(state.teach_note or '')}"
     lease = f"Lease: {plain(state.lease.holder or 'free')}."
     return reading(
         "status",
@@ -61,7 +61,7 @@ def status(state: State) -> str:
 def lost_service(age_s: float, state: State | None) -> str:
     """Write for how long the service has not been heard."""
     since = "has sent nothing yet" if np.isinf(age_s) else f"has sent nothing for {age_s:.1f} s"
-    last = "" if state is None else f" Its last mode was {plain(state.mode)}. What is grey is old."
+    last = "" if state is None else f" Its last mode was {plain(state.mode)}. Grey values are out of date."
     words = f'<div class="mode fault">NO SERVICE</div>The service {since}.{last} Only STOP can be pressed.'
     return reading("status", words)
 

@@ -28,7 +28,7 @@ PING_S, PONG_S = 2.0, 3.0
 
 One that lost its network would otherwise count for 40 s, and hold a pose that nobody watches.
 """
-ANYWHERE = ("0.0.0.0", "::", "")
+ALL_INTERFACES = ("0.0.0.0", "::", "")
 """Addresses to listen on that no browser can name."""
 TITLE = b"<title>Viser</title>"
 """Title of viser's own page, which it has no option for."""
@@ -43,7 +43,7 @@ def page_origins(host: str, port: int, more: Sequence[str] = ()) -> tuple[str, .
     Raises:
         InputError: The address is every interface, and no option names it for browsers.
     """
-    if host in ANYWHERE and not more:
+    if host in ALL_INTERFACES and not more:
         cure = f"name the address that browsers will use: --origin http://NAME:{port}"
         raise InputError("--host", f"{host} is every interface", cure)
     named = f"[{host}]" if ":" in host else host
@@ -66,7 +66,7 @@ def open_server(host: str, port: int, label: str, origins: Sequence[str]) -> vis
         redirect_stdout(StringIO()),
     ):  # viser's banner would come before our line
         server = viser.ViserServer(host=host, port=port, label=label, verbose=False)
-    if _lets_in("127.0.0.1" if host in ANYWHERE else host, server.get_port()):
+    if _accepts_foreign_origin("127.0.0.1" if host in ALL_INTERFACES else host, server.get_port()):
         server.stop()
         cure = "install the version of requirements.lock"
         raise InputError("viser", f"{viser.__version__} lets foreign web sites drive the page", cure)
@@ -141,7 +141,7 @@ def _require_free(host: str, port: int) -> None:
             raise InputError(f"{host}:{port}", what, "choose another by --host and --port") from error
 
 
-def _lets_in(host: str, port: int) -> bool:
+def _accepts_foreign_origin(host: str, port: int) -> bool:
     """Return whether a WebSocket of a foreign origin is answered."""
     address = f"ws://[{host}]:{port}" if ":" in host else f"ws://{host}:{port}"
     wanted = [Subprotocol(f"viser-v{viser.__version__}")]

@@ -125,7 +125,7 @@ def _refuse_duplicates(source: str, columns: Sequence[str]) -> None:
         if column in places:
             raise InputError(
                 f"{source}, column {column}",
-                f"stands twice, in places {places[column]} and {number}",
+                f"occurs twice, at positions {places[column]} and {number}",
                 "rename or remove one of them",
             )
         places[column] = number

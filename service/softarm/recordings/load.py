@@ -32,7 +32,7 @@ def load_recording(
         column_map: For Qualisys exports, a TOML file whose tables ``markers`` and ``bodies`` map labels
             and rigid bodies to their names in a recording; the TOML beside the export when left out.
         units_checked: Whether values that only another unit explains are refused; off where an intake,
-            which mends them, follows.
+            which corrects them, follows.
 
     Raises:
         InputError: Names the file, the field and the cure.

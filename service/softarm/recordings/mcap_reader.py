@@ -91,7 +91,7 @@ def read_contents(path: Path) -> Contents:
             elif isinstance(record, Channel):
                 reader.channels[record.id] = record
             elif isinstance(record, Message):
-                reader.take(record)
+                reader.add(record)
             elif isinstance(record, Attachment):
                 reader.contents.attachments[record.name] = record.data
             elif isinstance(record, Metadata) and record.name == METADATA:
@@ -104,7 +104,7 @@ def read_contents(path: Path) -> Contents:
     if not contents.messages and (contents.torn or contents.lost):
         raise InputError(
             str(path),
-            "is no MCAP file, or was cut off before its first whole chunk",
+            "is not an MCAP file, or was cut off before its first whole chunk",
             "give a file that softarm or another MCAP writer has written",
         )
     return contents
@@ -122,7 +122,7 @@ class _Pass:
         self._last_s = 0.0
         self._unannounced: list[Message] = []
 
-    def take(self, message: Message) -> None:
+    def add(self, message: Message) -> None:
         """Sort in a message; one whose channel stood in a lost chunk waits for the index at the end."""
         channel = self.channels.get(message.channel_id)
         if channel is None:

@@ -15,13 +15,17 @@ RANGE = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 """Environment variable of ROS 2 for how far nodes find each other; its own default is the whole network."""
 AGAIN_S = 1.0
 """Pause before a service that did not answer is asked again."""
-LOOK_S = 0.2
+POLL_S = 0.2
 """A signal that a thread of zenoh or ROS 2 takes does not wake the main thread: it looks so often."""
 CURE = "source its setup.bash, or pip install softarm-client[ros] in a new environment; see docs/ros.md"
 
 
 def serve(
-    arm: str, endpoint: str, zenoh_config: Path | None, arguments: Sequence[str], say: Callable[[str], None]
+    arm: str,
+    endpoint: str,
+    zenoh_config: Path | None,
+    arguments: Sequence[str],
+    notify: Callable[[str], None],
 ) -> None:
     """Run the node of an arm until SIGINT or SIGTERM.
 
@@ -32,7 +36,7 @@ def serve(
         endpoint: Where its service, or a router before it, listens.
         zenoh_config: JSON5 file with credentials and certificates.
         arguments: Arguments of ROS 2, from ``--ros-args`` on.
-        say: Takes what is waited for, once for each reason, and the name of the node.
+        notify: Takes what is waited for, once for each reason, and the name of the node.
 
     Raises:
         SetupError: ROS 2 is not there or does not take the arguments, or the file is not valid.
@@ -45,12 +49,12 @@ def serve(
     except ImportError as error:
         raise SetupError("ROS 2", f"cannot be imported ({error})", CURE) from error
     ended = _ended_by_signal()
-    client = _wait_for(partial(Arm, arm, endpoint, "ROS node", zenoh_config=zenoh_config), say, ended)
+    client = _wait_for(partial(Arm, arm, endpoint, "ROS node", zenoh_config=zenoh_config), notify, ended)
     if client is None:
         return
     with client, running_node(client, arguments) as node:
-        say(f"ROS 2 node {node.name}; {RANGE}={os.environ[RANGE]}")
-        while not ended.wait(LOOK_S):
+        notify(f"ROS 2 node {node.name}; {RANGE}={os.environ[RANGE]}")
+        while not ended.wait(POLL_S):
             pass
 
 
@@ -62,15 +66,17 @@ def _ended_by_signal() -> threading.Event:
     return ended
 
 
-def _wait_for(connect: Callable[[], Arm], say: Callable[[str], None], ended: threading.Event) -> Arm | None:
+def _wait_for(
+    connect: Callable[[], Arm], notify: Callable[[str], None], ended: threading.Event
+) -> Arm | None:
     """Connect to the arm's service as soon as it is there; ``None`` where the wait was ended."""
-    said = ""
+    reported = ""
     while True:
         try:
             return connect()
         except UnreachableError as error:
-            if str(error) != said:
-                said = str(error)
-                say(f"waiting for the service: {said}")
+            if str(error) != reported:
+                reported = str(error)
+                notify(f"waiting for the service: {reported}")
         if ended.wait(AGAIN_S):
             return None

@@ -97,10 +97,10 @@ SUBSCRIBED = {
 """Every topic that the node subscribes to, with type and content."""
 
 SERVICES = {
-    "stop": "vents at once and latches a fault; free to all, in every mode, never behind another command",
+    "stop": "vents at once and latches a fault; open to all, in every mode, ahead of all other commands",
     "lease/acquire": "the node acquires the lease and renews it until `lease/release` or its end",
-    "lease/release": "gives the lease back; an arm under pressure vents",
-    "arm": "lets the valves take set-points; needs the lease",
+    "lease/release": "releases the lease; an arm under pressure vents",
+    "arm": "lets the valves accept set-points; needs the lease",
     "disarm": "vents; needs the lease",
     "clear": "leaves FAULTED once the cause is gone",
     "estimate/tare": "takes the present force as zero",
@@ -110,10 +110,10 @@ SERVICES = {
     "teach/save": "saves the present pose under `pose_name`",
     "teach/goto/<pose>": "ramps to that saved pose in `ramp_s` and holds it; needs the lease",
     "teach/release": "ends teaching or holding; needs the lease",
-    "experiment/begin": "begins an experiment, in which set-points are taken; needs the lease",
+    "experiment/begin": "begins an experiment, in which set-points are accepted; needs the lease",
     "experiment/end": "ends it; needs the lease",
     "record/start": "records every stream on the service's host under `recording_name`",
-    "record/stop": "ends the recording; its file is whole when the answer comes",
+    "record/stop": "ends the recording; its file is complete when the service answers",
 }
 """Every service, all of type ``std_srvs/srv/Trigger``."""
 

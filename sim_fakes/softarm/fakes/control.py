@@ -87,9 +87,9 @@ def serve(rig: Rig, line: bytes) -> dict[str, Any]:
     try:
         request = json.loads(line)
     except ValueError:
-        return {"ok": False, "error": "no JSON object"}
+        return {"ok": False, "error": "not a JSON object"}
     if not isinstance(request, dict):
-        return {"ok": False, "error": "no JSON object"}
+        return {"ok": False, "error": "not a JSON object"}
     echo = {"id": request.pop("id")} if "id" in request else {}
     try:
         return {**echo, "ok": True, **_act(rig, REQUEST.validate_python(request, strict=False))}

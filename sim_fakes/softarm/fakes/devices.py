@@ -40,7 +40,7 @@ from softarm.fakes.serial.quaternion_line import QUATERNION_LINE_FAULTS, Quatern
 from softarm.fakes.serial.sauter import SAUTER_FAULTS, FakeSauter
 from softarm.fakes.serial.witmotion import WITMOTION_FAULTS, WitMotion
 from softarm.fakes.serial.xbus import XBUS_FAULTS, XbusModule
-from softarm.fakes.signals import See, by_valve, plainly
+from softarm.fakes.signals import SignalFilter, by_valve, unmodified
 from softarm.fakes.valves.mpa import MpaBank, bank_faults
 from softarm.fakes.valves.node import CpxNode, node_faults
 from softarm.fakes.valves.pneumatics import MBAR, Regulators
@@ -69,13 +69,13 @@ class DeviceSurroundings:
     Args:
         plant: The arm.
         seed: Seed of the scenario.
-        see: What is concealed in signals.
+        signal_filter: What is concealed in signals.
         misalignments: Rotation vector of the motion-capture body of each named section [rad].
     """
 
     plant: Plant
     seed: int
-    see: See = plainly
+    signal_filter: SignalFilter = unmodified
     misalignments: Mapping[str, NDArray[np.float64]] = field(default_factory=dict)
 
 
@@ -116,8 +116,12 @@ def build_node(part: ValvesPart, around: DeviceSurroundings, faults: FaultBoard)
         supply=part.supply_pa,
         lowest=0.0 if mpa else LOWEST_MBAR * MBAR,
     )
-    seed, see = seed_of(around.seed, part.name), by_valve(around.see, part.valve_map)
-    bank = MpaBank(faults, VALVES, figures, seed, see) if mpa else VtemBank(faults, figures, seed, see)
+    seed, signal_filter = seed_of(around.seed, part.name), by_valve(around.signal_filter, part.valve_map)
+    bank = (
+        MpaBank(faults, VALVES, figures, seed, signal_filter)
+        if mpa
+        else VtemBank(faults, figures, seed, signal_filter)
+    )
     return CpxNode(bank, faults, part.watchdog_ms)
 
 
@@ -131,7 +135,7 @@ def build_measurement(part: QtmPart, around: DeviceSurroundings, faults: FaultBo
     for body in part.bodies:
         _index(part, body.section, sections)
     seed = seed_of(around.seed, part.name)
-    return MotionMeasurement(part, sections, around.misalignments, faults, seed, around.see)
+    return MotionMeasurement(part, sections, around.misalignments, faults, seed, around.signal_filter)
 
 
 def build_instrument(part: SerialPart, around: DeviceSurroundings, faults: FaultBoard) -> Instrument:
@@ -144,10 +148,10 @@ def build_instrument(part: SerialPart, around: DeviceSurroundings, faults: Fault
     if isinstance(part, BendPart):
         for name in filter(None, part.sensors):
             _index(part, name, plant.segments)
-        return BendBoard(part, faults, plant, seed, around.see)
+        return BendBoard(part, faults, plant, seed, around.signal_filter)
     make, _ = INSTRUMENTS[type(part)]
     if isinstance(part, GaugePart):
-        return make(part, faults, LoadCell(part, faults, seed, around.see))
+        return make(part, faults, LoadCell(part, faults, seed, around.signal_filter))
     if isinstance(part, QuaternionLinePart):
         return make(part, faults, [_index(part, name, plant.sections) for name in part.sections], seed)
     assert isinstance(part, InertialPart)

@@ -20,7 +20,7 @@ from softarm.fakes.scenario import Scenario
 PLACEMENTS = ("valve_map", "bodies", "sensors", "section", "sections")
 
 
-def playing(scenario: Scenario, specimen: str) -> Scenario:
+def with_specimen(scenario: Scenario, specimen: str) -> Scenario:
     """Return a scenario whose arm is that of a specimen, without the places of its instruments.
 
     The scenario stays as it is where the specimen has the shape of SoPrA.
@@ -38,7 +38,7 @@ def playing(scenario: Scenario, specimen: str) -> Scenario:
     return Scenario.model_validate(table)
 
 
-def placed(scenario: Scenario, plant: Plant) -> Scenario:
+def with_placed_instruments(scenario: Scenario, plant: Plant) -> Scenario:
     """Place the instruments of a scenario that plays a specimen.
 
     A device whose table states its place stays there. The others: one valve per chamber in its order, a body

@@ -29,7 +29,7 @@ from softarm.fakes.parts import (
     SerialPart,
     ValvesPart,
 )
-from softarm.fakes.placement import placed
+from softarm.fakes.placement import with_placed_instruments
 from softarm.fakes.plant.effects import INSTRUMENT_EFFECTS
 from softarm.fakes.plant.state import Cord, Plant, PlantState
 from softarm.fakes.plants import build_plant
@@ -76,7 +76,7 @@ class Rig:
         self.clock = clock
         mounted = build_plant(scenario.plant, scenario.seed)
         self.plant: Plant = mounted.plant
-        self.scenario = scenario = placed(scenario, self.plant)
+        self.scenario = scenario = with_placed_instruments(scenario, self.plant)
         self.boards = {part.name: FaultBoard(part.name, catalogue(part)) for part in scenario.device}
         self.signals = ConcealedSignals()
         self.valve_ports: dict[str, ModbusPort] = {}
@@ -87,7 +87,7 @@ class Rig:
         self._tasks: asyncio.TaskGroup | None = None
         self._ends: dict[tuple[str, str], float] = {}
         self.world = FakeArmWorld(self.plant, None, (), scenario.step_s)
-        around = DeviceSurroundings(self.plant, scenario.seed, self.signals.see, mounted.misalignments)
+        around = DeviceSurroundings(self.plant, scenario.seed, self.signals.apply, mounted.misalignments)
         for part in scenario.device:
             self._build(part, around)
         for effect, value in scenario.plant.switches.items():

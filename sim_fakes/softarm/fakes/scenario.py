@@ -31,8 +31,8 @@ class PlantPart(ConfigTable):
 
     Attributes:
         kind: ``arm`` for the dynamic one, ``still`` for the one without dynamics.
-        specimen: Specimen whose arm to play, a file or the name of a shipped one; SoPrA when left out.
-        variant: Seed that draws another arm of the same drawing, with the misalignment of its bodies of
+        specimen: Specimen whose arm to simulate, a file or the name of a shipped one; SoPrA when left out.
+        variant: Seed that draws another arm of the same design, with the misalignment of its bodies of
             motion capture; the drawing itself when left out.
         switches: Concealed effects that are on from the start, name to value.
     """

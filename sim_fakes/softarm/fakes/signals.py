@@ -8,11 +8,11 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
 from softarm.fakes.plant.effects import INSTRUMENT_EFFECTS, Concealed, Filter, filters
 
-See = Callable[[str, str | None, float, Floats], Floats]
+SignalFilter = Callable[[str, str | None, float, Floats], Floats]
 """Passes a value of a signal of a sensor at a time through what is concealed in it."""
 
 
-def plainly(signal: str, sensor: str | None, time: float, value: Floats) -> Floats:  # noqa: ARG001
+def unmodified(signal: str, sensor: str | None, time: float, value: Floats) -> Floats:  # noqa: ARG001
     """Return a signal as it is."""
     return value
 
@@ -47,7 +47,7 @@ class ConcealedSignals:
             self._concealed[effect] = chosen
         self._chains.clear()
 
-    def see(self, signal: str, sensor: str | None, time: float, value: Floats) -> Floats:
+    def apply(self, signal: str, sensor: str | None, time: float, value: Floats) -> Floats:
         """Pass a value through the filters of its signal.
 
         Args:
@@ -66,18 +66,18 @@ class ConcealedSignals:
         return value
 
 
-def by_valve(see: See, valve_map: Sequence[int]) -> See:
+def by_valve(signal_filter: SignalFilter, valve_map: Sequence[int]) -> SignalFilter:
     """Apply a signal of the chambers to the values of the valves that feed them.
 
     Args:
-        see: Sees values in chamber order.
+        signal_filter: Filters values in chamber order.
         valve_map: Valve of each chamber.
     """
     chosen = np.array(valve_map, dtype=np.int64)
 
     def see_valves(signal: str, sensor: str | None, time: float, value: Floats) -> Floats:
         measured = value.copy()
-        measured[chosen] = see(signal, sensor, time, value[chosen])
+        measured[chosen] = signal_filter(signal, sensor, time, value[chosen])
         return measured
 
     return see_valves

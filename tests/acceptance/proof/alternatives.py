@@ -85,7 +85,7 @@ class Bends:
 
 
 def alternatives_table(
-    trials: Sequence[SealedTrial], folders: Folders, specimen: str, say: Callable[[str], None]
+    trials: Sequence[SealedTrial], folders: Folders, specimen: str, notify: Callable[[str], None]
 ) -> Table:
     """Run the comparison.
 
@@ -93,15 +93,15 @@ def alternatives_table(
         trials: What is compared on; something is concealed in each.
         folders: Where the proof works.
         specimen: What the tool is given.
-        say: Tells how far it is.
+        notify: Called with progress messages.
 
     Raises:
         WorkFailedError: The tool gave no report or wrote no specimen.
     """
     errors: dict[str, list[dict[str, float]]] = {}
     for trial in trials:
-        diagnosed(trial, EXCITATION, folders, specimen, say)
-        say(f"{trial.name}: predicting")
+        diagnosed(trial, EXCITATION, folders, specimen, notify)
+        notify(f"{trial.name}: predicting")
         for method, error in _errors(trial, folders).items():
             errors.setdefault(method, []).append(error)
     nearest = [min(errors, key=lambda name: errors[name][k]["mount_turned"]) for k in range(len(trials))]

@@ -22,7 +22,7 @@ from softarm.bench.trials.page import from_source, write_page
 from softarm.bench.trials.run import run_trials
 from softarm.bench.trials.score import score
 from softarm.bench.trials.tables import score_tables
-from softarm.cli.output import PATH, json_option, progress, quick_option, say, show
+from softarm.cli.output import PATH, json_option, notify, progress, quick_option, show
 from softarm.common.tables import Table
 
 MOTIONS = ("designed", "ordinary")
@@ -99,22 +99,22 @@ def command(
         tables += from_source(scored(planned, motions, folders), "fake arm")
     acting = [trial for trial in planned if trial.kind in ("single", "pair")][: 1 if quick else compared]
     if "alternatives" in parts:
-        tables.append(alternatives_table(acting, folders, specimen, say))
+        tables.append(alternatives_table(acting, folders, specimen, notify))
     if "force" in parts:
-        tables.append(force_table(folders, say, 1 if quick else compared))
+        tables.append(force_table(folders, notify, 1 if quick else compared))
     if "cost" in parts:
-        tables.append(cost_table(acting[0], folders, specimen, say))
+        tables.append(cost_table(acting[0], folders, specimen, notify))
     if "swing" in parts:
         single = [trial for trial in acting if trial.kind == "single"]
-        tables.append(swing_table(single, folders, specimen, say))
+        tables.append(swing_table(single, folders, specimen, notify))
     if "touches" in parts:
-        tables.append(touches_table(read_trials(folders.trials), folders, say))
+        tables.append(touches_table(read_trials(folders.trials), folders, notify))
     if "sensitivity" in parts:
-        tables.append(sensitivity_table(read_trials(folders.trials), folders.root / "products", say))
+        tables.append(sensitivity_table(read_trials(folders.trials), folders.root / "products", notify))
     show(*tables, as_json=as_json)
     if write is not None:
         write_page(write, tables, HEAD)
-        say(f"wrote {write}")
+        notify(f"wrote {write}")
     return 0
 
 

@@ -14,22 +14,22 @@ SHARES = (2, 4, 8)
 """Every so-manieth effect alone is tried on the most runs."""
 
 
-def cost_table(trial: SealedTrial, folders: Folders, specimen: str, say: Callable[[str], None]) -> Table:
+def cost_table(trial: SealedTrial, folders: Folders, specimen: str, notify: Callable[[str], None]) -> Table:
     """Time diagnoses of more and more runs of one trial, then of fewer and fewer effects, each on one core.
 
     Args:
         trial: Which one.
         folders: Where the proof works.
         specimen: What the tool is given.
-        say: Tells how far it is.
+        notify: Called with progress messages.
     """
-    say("cost: recording")
+    notify("cost: recording")
     record(trial, folders)
     tried = [(count, tuple(EFFECTS)) for count in COUNTS]
     tried += [(COUNTS[-1], tuple(EFFECTS)[::share]) for share in SHARES]
     rows: list[dict[str, Cell]] = []
     for count, effects in tried:
-        say(f"cost: diagnosing {count} runs, {len(effects)} effects")
+        notify(f"cost: diagnosing {count} runs, {len(effects)} effects")
         laid_out = lay_out(trial, f"first {count}", folders, specimen)
         extra = [word for name in effects for word in ("--effect", name)]
         outcome = diagnose_trial(laid_out, folders.report(laid_out.name), extra)

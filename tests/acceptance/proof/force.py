@@ -20,18 +20,18 @@ RATE = 5.0
 """Estimates per second."""
 
 
-def force_table(folders: Folders, say: Callable[[str], None], largest: int) -> Table:
+def force_table(folders: Folders, notify: Callable[[str], None], largest: int) -> Table:
     """Estimate the pull of the gauge in trials with findings, on the specimen without and with them.
 
     Args:
         folders: Where the proof works; diagnosed trials whose pull was kept count.
-        say: Tells how far it is.
+        notify: Called with progress messages.
         largest: Number of trials at most.
     """
     chosen = [one for one in read_outcomes(folders.results) if _usable(one, folders)][:largest]
     rows: list[dict[str, Cell]] = []
     for number, one in enumerate(chosen, start=1):
-        say(f"force on {one.trial}, {number} of {len(chosen)}")
+        notify(f"force on {one.trial}, {number} of {len(chosen)}")
         rows.append(force_row(one, folders))
     ratios = [float(row["ratio"]) for row in rows if isinstance(row["ratio"], float)]
     median = f"Median ratio: {np.median(ratios):.3g}. " if ratios else ""

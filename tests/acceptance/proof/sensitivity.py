@@ -157,7 +157,7 @@ def remembering(evidence: RegressionProblem) -> RememberingSearch:
 def sensitivity_table(
     trials: Sequence[Trial],
     kept: Path,
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
     advance: Callable[[float], None] = lambda _: None,
 ) -> Table:
     """Move every deciding constant by a fifth either way, and list the verdicts that change.
@@ -165,7 +165,7 @@ def sensitivity_table(
     Args:
         trials: The fixed set.
         kept: Folder of products and verdicts, of one version of the program.
-        say: Told what the verdicts are.
+        notify: Called with the verdicts.
         advance: Called after each constant of each trial.
     """
     constants = deciding_constants()
@@ -175,7 +175,7 @@ def sensitivity_table(
         evidence = products_of_trial(trial, kept)
         search = remembering(evidence)
         usual = verdict_of(_fresh(search))
-        say(f"{trial.name}: {', '.join(usual)}")
+        notify(f"{trial.name}: {', '.join(usual)}")
         for one in constants:
             for factor in (1.0 - STEP, 1.0 + STEP):
                 key = f"{one.module}.{one.name} x {factor:g}"

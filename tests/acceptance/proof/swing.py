@@ -27,7 +27,7 @@ RUNS = ("run_01", "run_10")
 
 
 def swing_table(
-    trials: Sequence[SealedTrial], folders: Folders, specimen: str, say: Callable[[str], None]
+    trials: Sequence[SealedTrial], folders: Folders, specimen: str, notify: Callable[[str], None]
 ) -> Table:
     """Compare what is left of the vibration with what is concealed, fitted at its place, and without it.
 
@@ -35,11 +35,11 @@ def swing_table(
         trials: One effect is concealed in each.
         folders: Where the proof works; a run that was ended goes on from what is there.
         specimen: What the diagnosis is given.
-        say: Tells how far it is.
+        notify: Called with progress messages.
     """
     rows: list[dict[str, Cell]] = []
     for trial in trials:
-        say(f"{trial.name}: swing")
+        notify(f"{trial.name}: swing")
         rows += swing_rows(trial, folders, specimen)
     factors = [float(str(row["over_unchanged"])) for row in rows]
     median = f"{np.median(factors):.2g}" if factors else "unknown: no effect changes the arm"

@@ -78,13 +78,13 @@ class Touch:
         return replace(recording, columns=columns)
 
 
-def touches_table(trials: Sequence[Trial], folders: Folders, say: Callable[[str], None]) -> Table:
+def touches_table(trials: Sequence[Trial], folders: Folders, notify: Callable[[str], None]) -> Table:
     """Diagnose trials in which a hand moves the arm in one recording.
 
     Args:
         trials: Those that were kept.
         folders: Where the proof works; a run that was ended goes on from what is there.
-        say: Tells how far it is.
+        notify: Called with progress messages.
     """
     root = folders.root / "touched"
     known = {one.trial: one for one in read_outcomes(root / RESULTS)}
@@ -93,7 +93,7 @@ def touches_table(trials: Sequence[Trial], folders: Folders, say: Callable[[str]
     for number, trial in enumerate(trials, start=1):
         touch = Touch.drawn(trial)
         if trial.name not in known:
-            say(f"a touch in {trial.name}, {number} of {len(trials)}")
+            notify(f"a touch in {trial.name}, {number} of {len(trials)}")
             touched = touched_trial(trial, touch, root / "trials" / trial.name)
             known[trial.name] = diagnose_trial(touched, root / "reports" / trial.name)
             add_outcome(known[trial.name], root / RESULTS)

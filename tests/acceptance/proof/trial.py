@@ -144,7 +144,7 @@ def diagnosed(
     motion: str,
     folders: Folders,
     specimen: str,
-    say: Callable[[str], None],
+    notify: Callable[[str], None],
 ) -> TrialOutcome:
     """Record and diagnose a trial, unless its report and its specimen are there already.
 
@@ -155,9 +155,9 @@ def diagnosed(
     out = folders.report(name)
     if (out / FILE).exists() and (out / WRITTEN).exists():
         return TrialOutcome(name, 0.0, 0.0, 0, "", json.loads((out / FILE).read_text()))
-    say(f"{trial.name}: recording")
+    notify(f"{trial.name}: recording")
     record(trial, folders)
-    say(f"{trial.name}: diagnosing")
+    notify(f"{trial.name}: diagnosing")
     extra = ("--write-specimen", str(out / WRITTEN))
     outcome = diagnose_trial(lay_out(trial, motion, folders, specimen), out, extra)
     if not outcome.report or not (out / WRITTEN).exists():

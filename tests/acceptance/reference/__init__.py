@@ -5,7 +5,7 @@ from pathlib import Path
 import click
 
 from acceptance.reference import api, configuration, specimen
-from softarm.cli.output import say
+from softarm.cli.output import notify
 
 DOCS = Path(__file__).parents[3] / "docs"
 PAGES = {"api.md": api.render, "configuration.md": configuration.render, "specimen.md": specimen.render}
@@ -19,4 +19,4 @@ def command() -> None:
     """
     for name, render in PAGES.items():
         (DOCS / name).write_text(render(), "utf-8")
-        say(f"wrote docs/{name}")
+        notify(f"wrote docs/{name}")

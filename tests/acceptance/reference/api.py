@@ -26,8 +26,8 @@ from softarm_client.messages import (
 from softarm_client.modes import Mode
 
 STOP = (
-    "Free to all who may send commands, in every mode, ahead of all other commands. Any payload will do, "
-    "none included. `softarm/@v1/*/command/stop` stops every arm."
+    "Open to all clients that may send commands, in every mode, ahead of all other commands. Any payload "
+    "or none is accepted. `softarm/@v1/*/command/stop` stops every arm."
 )
 SHARED: tuple[type[BaseModel], ...] = (
     Stamp,
@@ -109,8 +109,8 @@ def _needs(model: type[Request]) -> str:
     if issubclass(model, MovingRequest):
         return "Needs the lease."
     if issubclass(model, GuardedRequest):
-        return "Needs the lease while somebody holds it; free to all otherwise."
-    return "Free to all."
+        return "Needs the lease while somebody holds it; open to all clients otherwise."
+    return "Open to all clients."
 
 
 def _verb_section(verb: str, model: type[Request]) -> list[str]:
@@ -171,7 +171,8 @@ def render() -> str:
         "",
         "## Streams",
         "",
-        "Published without waiting: a slow subscriber misses messages. A late one gets the last one.",
+        "Publishing never waits: a slow subscriber misses messages. A new subscriber receives the last "
+        "message.",
         "",
     ]
     for name, model in STREAMS.items():

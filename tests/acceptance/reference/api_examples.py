@@ -28,7 +28,7 @@ class Example:
 
 EXAMPLES: Mapping[str, Example] = {
     "arm": Example(
-        "Let the valves take set-points; the chambers stay vented.", "ARMED", {"asked_pa": VENTED}
+        "Let the valves accept set-points; the chambers stay vented.", "ARMED", {"asked_pa": VENTED}
     ),
     "disarm": Example("Vent.", "IDLE", {"asked_pa": VENTED}),
     "stop": Example("Vent at once and latch a fault.", "FAULTED", {"asked_pa": VENTED}),

@@ -96,7 +96,7 @@ def test_the_rate_is_measured_and_a_wrong_one_is_an_alarm() -> None:
     for index in range(150):
         device.receive(rvc(index), index * 2 * PERIOD)
     assert device.rate.rate == pytest.approx(50, rel=0.01)
-    assert device.health.alarms.standing[0].value == 50.0
+    assert device.health.alarms.active[0].value == 50.0
     for index in range(150, 600):
         device.receive(rvc(index), 300 * PERIOD + index * PERIOD)
     assert "rate" not in device.health.alarms
@@ -285,5 +285,5 @@ def test_a_wit_unit_that_forgets_is_set_again_while_it_runs(virtual: Any) -> Non
 def test_a_line_too_slow_for_the_content_is_refused() -> None:
     with pytest.raises(ValueError, match=r"22 kbit/s do not fit 9600 baud"):
         WitConfig(name="imu", port="/dev/none", baud=9600)
-    with pytest.raises(ValueError, match="rate_hz 30 is none of"):
+    with pytest.raises(ValueError, match="rate_hz 30 is not one of"):
         WitConfig(name="imu", port="/dev/none", rate_hz=30)

@@ -108,7 +108,7 @@ def test_bodies_are_renamed_and_others_left_out(virtual: Any) -> None:
 def test_a_body_that_qtm_does_not_have_is_an_alarm(virtual: Any) -> None:
     async def main(rig: Rig) -> None:
         await rig.device.connect()
-        (alarm,) = rig.device.health.alarms.standing
+        (alarm,) = rig.device.health.alarms.active
         assert alarm.what == "QTM has no body 'TIP'; it has base, tip"
         await rig.say(frame(1, 1.0, 2.0))
         assert set(rig.readings[0].value.poses) == {"base"}

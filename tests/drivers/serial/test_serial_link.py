@@ -128,7 +128,7 @@ async def test_a_port_is_opened_once(terminal: Terminal) -> None:
 
 
 async def test_a_port_that_is_not_there(tmp_path: Path) -> None:
-    with pytest.raises(ConnectionLost, match="is not there; plug it in"):
+    with pytest.raises(ConnectionLost, match="does not exist; plug it in"):
         await open_serial(config(tmp_path / "none", 9600))
 
 

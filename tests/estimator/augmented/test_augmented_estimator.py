@@ -5,8 +5,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.estimator.augmented import AugmentedEstimator, ShapedModel, Spread
-from softarm.estimator.augmented.estimator import registered_again, undo
+from softarm.estimator.augmented import AugmentedEstimator, AugmentedModel, LoadDistribution
+from softarm.estimator.augmented.estimator import registration_corrected, subtract_sensor_effect
 from softarm.estimator.effects import EFFECTS, Spot, World
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.effects.simulate import recorded_rotation, simulate_with, standing_pressures
@@ -18,7 +18,7 @@ from softarm.estimator.sensing import ActuationMap, Orientation, Registration, S
 from softarm.estimator.simulation import Drive
 from softarm.estimator.simulation.compliance import bounded_inverse
 from softarm.estimator.specimen.physics import Place
-from tests.estimator.simulation.straight_arm import AZIMUTHS, MASSES
+from tests.estimator.simulation.straight_arm import AZIMUTHS, MASSES, surface_of
 from tests.estimator.simulation.test_simulation_arm import toy
 
 SECTIONS = ("intermediate", "tip")
@@ -49,6 +49,7 @@ WORLD = World(
     ARM.stiffness(),
     MASSES,
     ARM.segments.rest.positions,
+    surface_of(ARM.segments),
 )
 CASES = [
     ("tip_payload", [0.02], {"section": "tip"}),
@@ -112,7 +113,7 @@ def test_a_laboratory_found_by_a_base_that_had_turned_is_turned_back(name: str, 
     data = time, measured, np.concatenate([done.readings[name] for name in NAMES], axis=1), TURNED
     rotation = recorded_rotation(done.drive.base_rotation, [effect])
     suite = rested.moved(np.concatenate([np.zeros(3), -rotation]))
-    again = registered_again(suite, ARM, WORLD, [effect], drive)
+    again = registration_corrected(suite, ARM, WORLD, [effect], drive)
     estimators = [
         AugmentedEstimator(MODEL, ARM.segments, LOADS, WORLD, (effect,), own, SETTINGS)
         for own in (suite, again)
@@ -136,7 +137,7 @@ def test_without_effects_it_is_the_plain_estimator():
 
 def test_a_turned_base_turns_everything_with_it():
     turn = exp(np.array([0.1, -0.2, 0.05]))
-    shaped = ShapedModel(MODEL, Spread(LOADS, SECTIONS), np.zeros(12), turn)
+    shaped = AugmentedModel(MODEL, LoadDistribution(LOADS, SECTIONS), np.zeros(12), turn)
     inputs = Inputs(
         np.full(6, 5e3) * np.array([1, 0, 0, 0, 1, 0]), np.array([0.05, 0.0, -0.1, 0.02]), GRAVITY
     )
@@ -151,7 +152,7 @@ def test_a_turned_base_turns_everything_with_it():
     twists = (columns @ change).reshape(2, 6)
     assert np.allclose(moved.positions - step.frames.positions, twists[:, :3], atol=2e-7)
     level = exp(np.zeros(3))
-    plain = ShapedModel(MODEL, Spread(LOADS, SECTIONS), np.zeros(12), level)
+    plain = AugmentedModel(MODEL, LoadDistribution(LOADS, SECTIONS), np.zeros(12), level)
     free = Inputs(np.zeros(6), np.zeros(4), GRAVITY)
     tilted = Inputs(np.zeros(6), np.zeros(4), turn @ GRAVITY)
     one = shaped.linearise(shaped.solve(tilted, shaped.rest())[0], tilted).frames
@@ -164,9 +165,11 @@ def test_a_sensors_effect_is_undone_exactly():
         exp(np.array(v)) for v in ([0.3, 0.1, 0.0], [0.0, 0.02, 0.05], [0.28, 0.12, 0.01])
     )
     plain, changed = to_quaternions(before), to_quaternions(before @ twist)
-    clean = undo(to_quaternions(reading @ twist), plain, changed)
+    clean = subtract_sensor_effect(to_quaternions(reading @ twist), plain, changed)
     assert np.allclose(np.abs(clean @ to_quaternions(reading)), 1.0, atol=1e-12)
-    assert np.allclose(undo(np.array([0.5, 0.1]), np.array([0.4, 0.2]), np.array([0.44, 0.2])), [0.46, 0.1])
+    assert np.allclose(
+        subtract_sensor_effect(np.array([0.5, 0.1]), np.array([0.4, 0.2]), np.array([0.44, 0.2])), [0.46, 0.1]
+    )
 
 
 def test_stiffness_is_the_inverse_of_compliance_within_bounds():
@@ -181,7 +184,7 @@ def test_stiffness_is_the_inverse_of_compliance_within_bounds():
 
 def test_loads_must_act_on_sections():
     with pytest.raises(InputError, match="acts on no section"):
-        Spread((Load("push", "force", (1.0, 0.0, 0.0), height=0.1),), SECTIONS)
+        LoadDistribution((Load("push", "force", (1.0, 0.0, 0.0), height=0.1),), SECTIONS)
 
 
 @pytest.mark.parametrize(
@@ -192,7 +195,7 @@ def test_pressures_that_are_to_act_are_taken_back_through_the_physics(name, thet
     effect = placed(name, theta, where)
     estimator = AugmentedEstimator(MODEL, ARM.segments, LOADS, WORLD, (effect,), SUITE, SETTINGS)
     wanted = np.linspace(5e3, 20e3, 6)
-    given = estimator.unshaped(wanted)
+    given = estimator.pressures_before_effects(wanted)
     assert np.abs(given - wanted).max() > 100.0
     drive = Drive.of(np.zeros(1), given[None], GRAVITY, 2, 2)
     np.testing.assert_allclose(standing_pressures((effect,), WORLD, drive)[0], wanted, atol=1.0)

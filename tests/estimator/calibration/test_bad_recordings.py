@@ -24,8 +24,8 @@ from softarm.estimator.calibration.data_quality import data_quality_notes
 from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Load
-from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.specimen import Specimen, load_specimen
 
 SECTIONS = ("base", "intermediate", "tip")
@@ -50,16 +50,18 @@ def test_a_fit_that_does_not_converge_is_refused(sopra: Specimen) -> None:
         CalibrationRefusedError,
         match=r"does not converge: .* would still move .*; .*, and hold random poses; the old",
     ):
-        calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=40, iterations=1))
+        calibrate(SequentialBatchModel(toy()), sopra, [run], Options(nodes=40, iterations=1))
 
 
 def test_readings_that_do_not_follow_the_pressures_are_refused(sopra: Specimen) -> None:
     base, rng = record(), np.random.default_rng(5)
     noise = {name: rng.normal(0.0, 0.2, len(base.time)) for name in base.columns if name.startswith("bend")}
     run = arrange(Recording("run", base.time, {**base.columns, **noise}, base.info), sopra, SECTIONS)
-    message = r"no better than their mean: they vary by .* degrees rms, and the model errs by .*; the old"
+    message = (
+        r"no better than their mean: they vary by .* degrees rms, and the error of the model is .*; the old"
+    )
     with pytest.raises(CalibrationRefusedError, match=message):
-        calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=80))
+        calibrate(SequentialBatchModel(toy()), sopra, [run], Options(nodes=80))
 
 
 def test_a_chamber_with_a_wrong_number_is_refused(sopra: Specimen) -> None:
@@ -67,7 +69,7 @@ def test_a_chamber_with_a_wrong_number_is_refused(sopra: Specimen) -> None:
     columns = {name.replace("pressure_0", "pressure_1"): values for name, values in base.columns.items()}
     run = arrange(Recording("run", base.time, columns, base.info), sopra, SECTIONS)
     with pytest.raises(CalibrationRefusedError, match=r"no better than their mean: they vary by .* mm rms"):
-        calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=80))
+        calibrate(SequentialBatchModel(toy()), sopra, [run], Options(nodes=80))
 
 
 def test_a_fit_that_predicts_worse_is_refused_unless_the_old_one_has_seen_the_samples() -> None:
@@ -80,16 +82,16 @@ def test_a_fit_that_predicts_worse_is_refused_unless_the_old_one_has_seen_the_sa
 
 def test_a_kept_calibration_is_cautioned_about(sopra: Specimen) -> None:
     run = arrange(record(), sopra, SECTIONS)
-    found = calibrate(NodeByNode(toy()), sopra, [run], Options(nodes=40, iterations=8))
+    found = calibrate(SequentialBatchModel(toy()), sopra, [run], Options(nodes=40, iterations=8))
     assert cautions(found) == ()
     short = replace(found, check=replace(found.check, held_out={}), status="iterations_exhausted")
-    unsettled, unchecked = cautions(short)
-    assert "used all its iterations" in unsettled
+    remaining_steps, unchecked = cautions(short)
+    assert "used all its iterations" in remaining_steps
     assert "nothing checks it" in unchecked
     check = Check({"a.0": 9.0}, {"a.0": 1.0}, {"a.0": 5.0}, {"a.0": 1.25}, 3)
     unlike, line = cautions(replace(found, check=check))
-    assert "5 times the error of those that it has" in unlike
-    assert "4 times as much as a linear regression" in line
+    assert "5 times the error of the fitted samples" in unlike
+    assert "4 times that of a linear regression" in line
 
 
 def test_an_arm_with_chambers_of_which_no_pressure_was_recorded_is_refused(sopra: Specimen) -> None:
@@ -208,15 +210,17 @@ def test_a_sensor_that_never_answered_is_gone_on_without(sopra: Specimen) -> Non
 
 @pytest.mark.parametrize("judge", [calibrate, check_drift])
 def test_motion_without_known_forces_is_refused(
-    sopra: Specimen, judge: Callable[[NodeByNode, Specimen, list[CalibrationRun]], object]
+    sopra: Specimen, judge: Callable[[SequentialBatchModel, Specimen, list[CalibrationRun]], object]
 ) -> None:
     known = sopra.calibration.model_copy(update={"scatter": {"bend_tip": 0.01}})
     specimen = sopra.model_copy(update={"calibration": known})
     recording = gauged(np.full(400, 0.5))
     told = {"gauge_section": "tip"}
     run = arrange(Recording("run", recording.time, recording.columns, told), specimen, SECTIONS, LOADS)
-    with pytest.raises(InputError, match=r"never known together; record them at once, with marker_hook"):
-        judge(NodeByNode(toy()), specimen, [run])
+    with pytest.raises(
+        InputError, match=r"never measured at the same time; record them at once, with marker_hook"
+    ):
+        judge(SequentialBatchModel(toy()), specimen, [run])
 
 
 def test_a_recording_without_fault_is_not_complained_of(sopra: Specimen) -> None:

@@ -31,9 +31,9 @@ from softarm.estimator.calibration.unknowns import Modulus, by_azimuth
 from softarm.estimator.calibration.unpulled import unpulled_errors
 from softarm.estimator.calibration.warm_start import nearest_states
 from softarm.estimator.errors import InputError
-from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import ActuationMap, Registration
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.specimen import Specimen, Value, load_specimen
 
 SECTIONS = ("base", "intermediate", "tip")
@@ -49,7 +49,9 @@ def sopra() -> Specimen:
 
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_finds_moduli_gains_and_axes_wherever_they_point(sopra: Specimen, mirrored: bool) -> None:
-    found = calibrate(NodeByNode(toy()), sopra, [arrange(record(mirrored=mirrored), sopra, SECTIONS)], QUICK)
+    found = calibrate(
+        SequentialBatchModel(toy()), sopra, [arrange(record(mirrored=mirrored), sopra, SECTIONS)], QUICK
+    )
     after = calibrated_specimen(sopra, found).calibration
     truth = true_specimen(mirrored).calibration
     for name, scale in SCALES.items():
@@ -74,7 +76,7 @@ def test_one_bend_may_have_the_other_handedness(sopra: Specimen, section: str) -
     plain = record(mirrored=False)
     name = f"bend_{section}_x_rad"
     flipped = replace(plain, columns={**plain.columns, name: -plain.columns[name]})
-    found = calibrate(NodeByNode(toy()), sopra, [arrange(flipped, sopra, SECTIONS)], QUICK)
+    found = calibrate(SequentialBatchModel(toy()), sopra, [arrange(flipped, sopra, SECTIONS)], QUICK)
     assert found.mirrored == {one: one == section for one in ("intermediate", "tip")}
     assert all(found.check.held_out[one] < 0.05 * found.check.before[one] for one in found.check.held_out)
 
@@ -86,7 +88,7 @@ def test_an_axis_of_a_bend_that_was_never_read_changes_no_calibration(
     recording = record(mirrored=mirrored)
     lost = np.full(len(recording.time), np.nan)
     blind = replace(recording, columns={**recording.columns, "bend_tip_x_rad": lost})
-    found = calibrate(NodeByNode(toy()), sopra, [arrange(blind, sopra, SECTIONS)], QUICK)
+    found = calibrate(SequentialBatchModel(toy()), sopra, [arrange(blind, sopra, SECTIONS)], QUICK)
     after = calibrated_specimen(sopra, found).calibration
     truth = true_specimen(mirrored).calibration
     for name, scale in SCALES.items():
@@ -101,7 +103,7 @@ def test_an_axis_of_a_bend_that_was_never_read_changes_no_calibration(
 def calibrated_by_pulls(sopra: Specimen, *recordings: Recording) -> Calibrated:
     loads = section_forces(sopra)
     runs = [arrange(one, sopra, SECTIONS, loads) for one in recordings]
-    return calibrate(NodeByNode(toy(loads)), sopra, runs, QUICK)
+    return calibrate(SequentialBatchModel(toy(loads)), sopra, runs, QUICK)
 
 
 def test_the_moduli_rest_on_every_pull(sopra: Specimen) -> None:
@@ -132,7 +134,7 @@ def test_sections_that_may_be_softer_than_drawn_make_a_force_on_them_less_certai
 ) -> None:
     """A pull on the tip bends the section between the segments, a force on that section does not."""
     loads = section_forces(sopra)
-    elements = NodeByNode(build_arm(sopra, loads=loads))
+    elements = SequentialBatchModel(build_arm(sopra, loads=loads))
     nodes = choose_nodes(arrange(record_pulls((1.0,), 30.0), sopra, SECTIONS, loads), 8)
     layout = build_layout(
         sopra, nodes.run.suite, nodes.run.pressure_source, range(6), elements.regions, True, SECTIONS
@@ -150,7 +152,7 @@ def test_sections_that_may_be_softer_than_drawn_make_a_force_on_them_less_certai
 
 
 def test_held_out_blocks_are_predicted_as_well_as_by_a_line_with_more_parameters(sopra: Specimen) -> None:
-    found = calibrate(NodeByNode(toy()), sopra, [arrange(record(), sopra, SECTIONS)], QUICK)
+    found = calibrate(SequentialBatchModel(toy()), sopra, [arrange(record(), sopra, SECTIONS)], QUICK)
     assert found.fitted < found.check.line_parameters == 28
     model, line = (np.array(list(part.values())) for part in (found.check.held_out, found.check.line))
     assert np.sqrt((model**2).mean()) < 1.1 * np.sqrt((line**2).mean())
@@ -158,7 +160,9 @@ def test_held_out_blocks_are_predicted_as_well_as_by_a_line_with_more_parameters
 
 def test_poses_give_misalignment_and_offset(sopra: Specimen) -> None:
     run = arrange(record(kinds=("frame",)), sopra, SECTIONS)
-    after = calibrated_specimen(sopra, calibrate(NodeByNode(toy()), sopra, [run], QUICK)).calibration
+    after = calibrated_specimen(
+        sopra, calibrate(SequentialBatchModel(toy()), sopra, [run], QUICK)
+    ).calibration
     truth = true_specimen().calibration.frame("tip")
     assert after.frame("tip").misalignment_rad == pytest.approx(truth.misalignment_rad, abs=0.01)
     assert after.frame("tip").offset_m == pytest.approx(truth.offset_m, abs=1e-3)
@@ -166,7 +170,9 @@ def test_poses_give_misalignment_and_offset(sopra: Specimen) -> None:
 
 
 def test_what_is_not_excited_is_named_and_kept(sopra: Specimen) -> None:
-    found = calibrate(NodeByNode(toy()), sopra, [arrange(record(chambers=(0, 1, 2)), sopra, SECTIONS)], QUICK)
+    found = calibrate(
+        SequentialBatchModel(toy()), sopra, [arrange(record(chambers=(0, 1, 2)), sopra, SECTIONS)], QUICK
+    )
     verdicts = {entry.unknown.name: entry for entry in found.identified}
     assert verdicts["modulus.lower"].verdict == "kept"
     assert "hold the arm still" in verdicts["modulus.lower"].manoeuvre
@@ -181,7 +187,7 @@ def test_an_arm_at_rest_is_refused(sopra: Specimen) -> None:
     still = record(chambers=(0,), duration=15.0)
     still = Recording(still.name, still.time, {**still.columns, "pressure_0_pa": 0.0 * still.time})
     with pytest.raises(CalibrationRefusedError, match="neither a modulus nor a gain; hold the arm still"):
-        calibrate(NodeByNode(toy()), sopra, [arrange(_at_rest(still), sopra, SECTIONS)], QUICK)
+        calibrate(SequentialBatchModel(toy()), sopra, [arrange(_at_rest(still), sopra, SECTIONS)], QUICK)
 
 
 def _at_rest(recording: Recording) -> Recording:
@@ -193,9 +199,9 @@ def _at_rest(recording: Recording) -> Recording:
 
 def test_a_second_calibration_changes_nothing(sopra: Specimen) -> None:
     run = arrange(record(), sopra, SECTIONS)
-    once = calibrated_specimen(sopra, calibrate(NodeByNode(toy()), sopra, [run], QUICK))
+    once = calibrated_specimen(sopra, calibrate(SequentialBatchModel(toy()), sopra, [run], QUICK))
     again = arrange(record(), once, SECTIONS)
-    twice = calibrated_specimen(once, calibrate(NodeByNode(toy()), once, [again], QUICK))
+    twice = calibrated_specimen(once, calibrate(SequentialBatchModel(toy()), once, [again], QUICK))
     for name in SCALES:
         assert twice.calibration.scale(name) == pytest.approx(once.calibration.scale(name), rel=0.02)
     assert twice.calibration.recordings == ("toy",)
@@ -203,7 +209,7 @@ def test_a_second_calibration_changes_nothing(sopra: Specimen) -> None:
 
 def test_several_short_runs_hold_out_every_other_one(sopra: Specimen) -> None:
     runs = [arrange(record(duration=9.0, seed=seed), sopra, SECTIONS) for seed in range(4)]
-    found = calibrate(NodeByNode(toy()), sopra, runs, QUICK)
+    found = calibrate(SequentialBatchModel(toy()), sopra, runs, QUICK)
     assert found.check.held_out
     assert found.value("modulus.upper") is not None
 
@@ -214,7 +220,9 @@ def test_outliers_do_not_move_it(sopra: Specimen) -> None:
     spoilt = columns["bend_tip_x_rad"].copy()
     spoilt[200:280] += 1.0
     run = arrange(Recording("toy", recording.time, {**columns, "bend_tip_x_rad": spoilt}), sopra, SECTIONS)
-    after = calibrated_specimen(sopra, calibrate(NodeByNode(toy()), sopra, [run], QUICK)).calibration
+    after = calibrated_specimen(
+        sopra, calibrate(SequentialBatchModel(toy()), sopra, [run], QUICK)
+    ).calibration
     assert after.bend("tip").rotation_rad.value == pytest.approx(-1.0, abs=0.02)
     assert after.scale("lower") == pytest.approx(1.4, rel=0.05)
 
@@ -247,7 +255,7 @@ def test_jacobian_agrees_with_finite_differences(sopra: Specimen) -> None:
         sections=SECTIONS,
     )
     assert {"stretch", "quadratic_gain.upper", "crosstalk.0.5"} < set(layout.names)
-    forward = Forward(NodeByNode(toy()), layout, (nodes,))
+    forward = Forward(SequentialBatchModel(toy()), layout, (nodes,))
     (at,) = forward.evaluate(layout.means, forward.evaluate(layout.means))
     for index, unknown in enumerate(layout.unknowns):
         size = 1e-5 * unknown.spread
@@ -265,7 +273,7 @@ def test_each_run_is_solved_under_its_own_gravity(sopra: Specimen) -> None:
     """A recording of a turned mount says so; without a word the mount is the specimen's."""
     seen: list[np.ndarray] = []
 
-    class Weighed(NodeByNode):
+    class Weighed(SequentialBatchModel):
         def evaluate(self, inputs, **options):
             seen.append(inputs.gravity)
             return super().evaluate(inputs, **options)
@@ -292,7 +300,7 @@ def test_held_out_nodes_begin_at_the_state_of_the_most_similar_solved_node(sopra
     layout = build_layout(sopra, nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower"))
     train = np.arange(12) % 2 == 0
     seen, unseen = nodes.keep(train), nodes.keep(~train)
-    (solved,) = Forward(NodeByNode(toy()), layout, (seen,)).evaluate(layout.means)
+    (solved,) = Forward(SequentialBatchModel(toy()), layout, (seen,)).evaluate(layout.means)
     solved.response.states[:] = range(6)
     near = nearest_states((solved,), (seen,), (solved,), (unseen,))
     size = np.ptp(seen.pressures, axis=0)
@@ -318,7 +326,7 @@ def test_the_lag_between_the_clocks_is_found(sopra: Specimen, lag: float, lost: 
 def test_a_fit_reports_when_it_runs_out_of_iterations(sopra: Specimen) -> None:
     nodes = choose_nodes(arrange(record(), sopra, SECTIONS), 10)
     layout = build_layout(sopra, nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower"))
-    found = fit(Forward(NodeByNode(toy()), layout, (nodes,)), layout.means, iterations=1)
+    found = fit(Forward(SequentialBatchModel(toy()), layout, (nodes,)), layout.means, iterations=1)
     assert found.status == "iterations_exhausted"
     assert found.iterations == 1
 
@@ -326,7 +334,7 @@ def test_a_fit_reports_when_it_runs_out_of_iterations(sopra: Specimen) -> None:
 def test_a_fit_ends_when_its_steps_gain_nothing(sopra: Specimen, monkeypatch) -> None:
     nodes = choose_nodes(arrange(record(), sopra, SECTIONS), 20)
     layout = build_layout(sopra, nodes.run.suite, nodes.run.pressure_source, range(6), ("upper", "lower"))
-    forward = Forward(NodeByNode(toy()), layout, (nodes,))
+    forward = Forward(SequentialBatchModel(toy()), layout, (nodes,))
     ended = fit(forward, layout.means, iterations=40, tolerance=0.0)
     assert ended.status == "converged"
     monkeypatch.setattr("softarm.estimator.calibration.fit.LEAST_GAIN", 0.0)
@@ -372,10 +380,10 @@ def test_streams_with_times_of_their_own_are_brought_together(sopra: Specimen) -
 
 def test_a_calibration_goes_stale_when_the_arm_changes(sopra: Specimen) -> None:
     run = arrange(record(), sopra, SECTIONS)
-    known = calibrated_specimen(sopra, calibrate(NodeByNode(toy()), sopra, [run], QUICK), "a test")
+    known = calibrated_specimen(sopra, calibrate(SequentialBatchModel(toy()), sopra, [run], QUICK), "a test")
     assert known.calibration.provenance == "a test"
     assert set(known.calibration.scatter) == {"bend_intermediate", "bend_tip"}
-    solver = NodeByNode(toy().with_scales({n: known.calibration.scale(n) for n in SCALES}))
+    solver = SequentialBatchModel(toy().with_scales({n: known.calibration.scale(n) for n in SCALES}))
     later = arrange(record(seed=5), known, SECTIONS)
     assert not any(drift.stale for drift in check_drift(solver, known, [later]))
     softened = {**later.__dict__, "pressures": 1.15 * later.pressures}
@@ -385,7 +393,7 @@ def test_a_calibration_goes_stale_when_the_arm_changes(sopra: Specimen) -> None:
 
 def test_a_specimen_that_was_never_calibrated_cannot_be_stale(sopra: Specimen) -> None:
     with pytest.raises(InputError, match="was never calibrated; run softarm calibrate"):
-        check_drift(NodeByNode(toy()), sopra, [arrange(record(), sopra, SECTIONS)])
+        check_drift(SequentialBatchModel(toy()), sopra, [arrange(record(), sopra, SECTIONS)])
 
 
 def test_known_pulls_and_gravity_turn_as_told() -> None:
@@ -415,7 +423,7 @@ def test_a_block_that_is_left_out_is_predicted_as_by_the_fit_to_all_others() -> 
     nodes = choose_nodes(arrange(record(noise=0.02), known, SECTIONS), 40)
     regions, chambers = ("upper", "lower"), tuple(range(6))
     layout = build_layout(known, nodes.run.suite, nodes.run.pressure_source, chambers, regions)
-    forward = Forward(NodeByNode(toy()), layout, (nodes,))
+    forward = Forward(SequentialBatchModel(toy()), layout, (nodes,))
     whole = fit(forward, layout.means)
     others = nodes.blocks != 1
     apart = fit(replace(forward, nodes=(nodes.keep(others),)), layout.means, scatter=whole.scatter)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.analysis.diagnosis.run import ring_frequency
+from softarm.analysis.diagnosis.run import vibration_frequency
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.natural_frequency import (
@@ -176,6 +176,6 @@ def test_a_recording_that_ends_before_the_arm_rests_is_refused() -> None:
 
 @pytest.mark.parametrize("rate", [20.0, 50.0, 240.0])
 def test_the_frequency_of_a_vibration_is_found_at_any_rate_that_resolves_it(rate: float) -> None:
-    found = ring_frequency(sampled(rate, FREQUENCY))
+    found = vibration_frequency(sampled(rate, FREQUENCY))
     assert found == pytest.approx(FREQUENCY, abs=0.3)
-    assert ring_frequency(sampled(rate, 0.4)) is None
+    assert vibration_frequency(sampled(rate, 0.4)) is None

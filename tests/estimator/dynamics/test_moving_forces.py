@@ -71,7 +71,7 @@ def arm() -> ToyArm:
 def swinging(arm: ToyArm) -> Floats:
     """Return the forces that would hold the arm where it passes while it swings freely."""
     (readings, at), *_ = estimates(arm, np.zeros((1, len(arm.loads))))
-    small = Reduction.of(LOADS, arm.sections, NEIGHBOURS, MASSES).at(at, SUITE.own_noise(readings))
+    small = Reduction.of(LOADS, arm.sections, NEIGHBOURS, MASSES).at(at, SUITE.sensor_noise(readings))
     assert small is not None
     holding = np.zeros((len(TIME), len(arm.loads)))
     lowest = np.sqrt(np.linalg.eigvals(np.linalg.solve(small.mass, small.stiffness)).min())
@@ -100,7 +100,7 @@ def test_mass_times_acceleration_is_not_taken_for_a_force(arm: ToyArm) -> None:
 def test_masses_and_stiffness_are_those_of_the_tip(arm: ToyArm) -> None:
     (readings, at), *_ = estimates(arm, np.tile([0.05, 0.0], (len(TIME), 1)))
     alone = Masses(np.array([0.0, 0.05]), np.zeros(2))
-    small = Reduction.of(arm.loads, arm.sections, NEIGHBOURS, alone).at(at, SUITE.own_noise(readings))
+    small = Reduction.of(arm.loads, arm.sections, NEIGHBOURS, alone).at(at, SUITE.sensor_noise(readings))
     assert small is not None
     np.testing.assert_allclose(small.mass, 0.05 * np.eye(2), atol=2e-3)
     less, more = (

@@ -40,7 +40,7 @@ def test_each_operation_agrees_with_the_plain_path(arm_of: ArmOf, kind: str) -> 
     step = arm.body.pattern.scatter(1e-3 * rng.standard_normal(3 * arm.body.pattern.free))
     rotations = [path.rotations(path.deformation(still), path.deformation(bent)) for path in (plain, single)]
     _close(single.solve_poisson(step), plain.solve_poisson(step))
-    _close(single.carried_divergence(rotations[1], step), plain.carried_divergence(rotations[0], step))
+    _close(single.corotated_divergence(rotations[1], step), plain.corotated_divergence(rotations[0], step))
     _close(single.pulled_back(rotations[1], step), plain.pulled_back(rotations[0], step))
     moved = [
         path.moved(bent, path.deformation(bent), step, turned)
@@ -54,7 +54,7 @@ def test_pulling_forces_back_is_the_adjoint_of_carrying(arm_of: ArmOf) -> None:
     plain, rng = arm.body.rotation_strain, np.random.default_rng(8)
     rotations = plain.rotations(plain.deformation(0.0 * arm.body.points), plain.deformation(_bent(arm)))
     forces, step = (arm.body.pattern.scatter(rng.standard_normal(3 * arm.body.pattern.free)) for _ in "ab")
-    carried = plain.solve_poisson(plain.carried_divergence(rotations, step))
+    carried = plain.solve_poisson(plain.corotated_divergence(rotations, step))
     assert (forces * carried).sum() == pytest.approx((plain.pulled_back(rotations, forces) * step).sum())
 
 

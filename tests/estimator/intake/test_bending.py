@@ -56,7 +56,7 @@ def test_one_chamber_that_swings_the_arm_along_its_azimuth_is_left_alone() -> No
 @pytest.mark.parametrize(("chamber", "angle"), [(1, "-90"), (2, "180"), (3, "90")])
 def test_one_chamber_that_bends_the_arm_as_another_would_is_refused(chamber: int, angle: str) -> None:
     _, (fault,) = check_mount(_stepped(chamber), SINGLE)
-    assert not fault.mended
+    assert not fault.corrected
     assert f"rotated by {angle} degrees about its axis, as the base registers it" in fault.what
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from softarm.estimator.intake.clocks import DELAY, Shifts, _strayed, find_delays, likelihoods, mend_clocks
+from softarm.estimator.intake.clocks import DELAY, Shifts, _strayed, correct_clocks, find_delays, likelihoods
 from softarm.estimator.recording import Recording
 from tests.estimator.intake.small_arm import LIMIT, both, shifted, small_arm, specimen
 
@@ -61,7 +61,7 @@ def test_a_few_poses_of_a_nonlinear_arm_are_no_shift(seed):
         for j, axis in enumerate("xy")
     }
     recording = Recording("poses", time, columns)
-    assert mend_clocks(recording, specimen())[1] == ()
+    assert correct_clocks(recording, specimen())[1] == ()
 
 
 @pytest.mark.parametrize("lag", [-1.0, -0.6, -0.1, 0.0, 0.1, 0.6, 1.0])
@@ -69,16 +69,16 @@ def test_a_few_poses_of_a_nonlinear_arm_are_no_shift(seed):
 @pytest.mark.parametrize("seed", range(4))
 def test_short_lags_of_all_sensors_are_named_and_none_where_there_is_none(seed, parts, lag):
     recording = shifted(("bend", "frame", "marker"), lag)(small_arm(seed, parts=parts))
-    mended, faults = mend_clocks(recording, specimen())
+    corrected, faults = correct_clocks(recording, specimen())
     if abs(lag) < 0.5:
-        assert (mended, faults) == (recording, ())
+        assert (corrected, faults) == (recording, ())
     elif parts == ("bend",):
         assert len(faults) == 1
     for fault in faults:  # poses of the laboratory are less linear than bends, so some tell nothing
-        assert (fault.kind, fault.columns, fault.mended) == ("clock", ("pressures",), True)
+        assert (fault.kind, fault.columns, fault.corrected) == ("clock", ("pressures",), True)
         assert float(fault.what.split()[3]) == pytest.approx(abs(lag), abs=0.2)
         assert ("behind" in fault.what) is (lag > 0.0)
-        after = find_delays(mended, specimen())
+        after = find_delays(corrected, specimen())
         best = after.lags[np.argmax(after.likelihoods.mean(axis=0))]
         assert DELAY[0] <= best <= DELAY[1]
 
@@ -93,39 +93,39 @@ def test_slow_lines_are_no_shift(seconds):
         if name.startswith("bend_")
     }
     late = replace(recording, columns={**recording.columns, **slow})
-    assert mend_clocks(late, specimen())[1] == ()
+    assert correct_clocks(late, specimen())[1] == ()
 
 
 def test_one_late_sensor_is_no_shift_of_the_clocks():
     late = shifted(("bend_tip",), 0.6)(small_arm(2, parts=("bend",)))
-    assert mend_clocks(late, specimen())[1] == ()
+    assert correct_clocks(late, specimen())[1] == ()
 
 
 @pytest.mark.parametrize("parts", [("bend",), ("frame",)])
 def test_clocks_that_started_long_apart_are_moved_together_or_refused(parts):
     cases = [(seed, lag) for seed in range(3) for lag in (-15.0, -4.0, 3.0, 6.0, 12.0, 20.0)]
-    mended = 0
+    corrected = 0
     for seed, lag in cases:
         recording = shifted(parts, lag)(small_arm(seed, parts=parts))
-        _, (fault,) = mend_clocks(recording, specimen())
+        _, (fault,) = correct_clocks(recording, specimen())
         assert (fault.kind, fault.columns) == ("clock", ("pressures",))
-        if fault.mended:  # some of the few poses say as much at another shift
+        if fault.corrected:  # some of the few poses say as much at another shift
             assert float(fault.what.split()[3]) == pytest.approx(abs(lag), abs=0.2)
             assert ("behind" in fault.what) is (lag > 0.0)
-        mended += fault.mended
-    assert mended > 0.7 * len(cases)
+        corrected += fault.corrected
+    assert corrected > 0.7 * len(cases)
 
 
 @pytest.mark.parametrize("one", ["bend_tip", "frame_tip"])
 def test_a_sensor_that_is_late_besides_all_others_is_moved_too(one):
     late = both(shifted(("bend", "frame", "marker"), 3.0), shifted((one,), 2.0))(small_arm(1))
-    mended, faults = mend_clocks(late, specimen())
+    corrected, faults = correct_clocks(late, specimen())
     assert [fault.columns for fault in faults] == [("pressures",), (one,)]
-    assert mend_clocks(mended, specimen())[1] == ()
+    assert correct_clocks(corrected, specimen())[1] == ()
 
 
 def test_sensors_with_clocks_of_their_own_are_moved_each_by_its_own():
     late = both(shifted(("bend_tip",), 2.0), shifted(("frame_tip",), 3.0))(small_arm(0))
-    _, faults = mend_clocks(late, specimen())
+    _, faults = correct_clocks(late, specimen())
     found = {fault.columns[0]: float(fault.what.split()[2]) for fault in faults}
     assert found == {"bend_tip": pytest.approx(2.0, abs=0.2), "frame_tip": pytest.approx(3.0, abs=0.2)}

@@ -9,17 +9,17 @@ import pytest
 
 from softarm.estimator.calibration import arrange
 from softarm.estimator.errors import InputError
-from softarm.estimator.intake import take_in
-from softarm.estimator.intake.labels import mend_labels
-from softarm.estimator.intake.lost import mend_lost
-from softarm.estimator.intake.signs import mend_signs
-from softarm.estimator.intake.units import mend_units
+from softarm.estimator.intake import check_recording
+from softarm.estimator.intake.labels import correct_labels
+from softarm.estimator.intake.lost import correct_lost
+from softarm.estimator.intake.signs import correct_signs
+from softarm.estimator.intake.units import correct_units
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import load_specimen
 from tests.estimator.intake import small_arm as arm
 
 SPECIMEN = arm.specimen()
-MENDED = {
+CORRECTED = {
     "kilopascals": (arm.scaled("pressure_", "_pa", 1e-3), "in kilopascals"),
     "bars": (arm.scaled("pressure_", "_pa", 1e-5), "in bars"),
     "measured kilopascals": (
@@ -107,7 +107,7 @@ REFUSED = {
         arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.without_base),
         "rotated by 6[789] degrees",
     ),
-    "no base, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.without_base), "off its rest"),
+    "no base, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.without_base), "from its rest position"),
     "one marker in centimetres": (
         arm.scaled("marker_tip0", "_m", 100.0),
         "marker_tip0 lies 27.* m from .* millimetres or centimetres",
@@ -126,7 +126,7 @@ REFUSED = {
                 ),
             ),
         ),
-        "the z axes of all bodies point against the arm, or the laboratory is left-handed",
+        "the z axes of all bodies point from the tip to the base, or the laboratory is left-handed",
     ),
     "tilted body": (
         arm.both(arm.only("frame"), arm.body_turned("tip", (0.0, 1.05, 0.0))),
@@ -140,12 +140,15 @@ REFUSED = {
         arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.base_unread),
         "rotated by 6[789] degrees",
     ),
-    "base unread, tilted": (arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.base_unread), "off its rest"),
+    "base unread, tilted": (
+        arm.both(arm.rotated((0.9, 0.0, 0.0)), arm.base_unread),
+        "from its rest position",
+    ),
     "base of zeros, turned": (
         arm.both(arm.only("frame"), arm.both(arm.rotated((0.0, 0.0, 1.2)), arm.base_of_zeros)),
         "rotated by 6[789] degrees .* nothing of the base was read",
     ),
-    "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; turn its sign"),
+    "suction": (arm.scaled("pressure_", "_pa", -1.0), "below that of the air; reverse its sign"),
     "three of six chambers": (arm.three_chambers, "has chambers 0, 1, 2, the specimen has 6"),
     "time without a unit": (arm.in_milliseconds, "t_s rises by 50 .* set rate_hz"),
 }
@@ -180,22 +183,22 @@ def good() -> Recording:
 
 @pytest.fixture
 def without_events(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Leave out the search for events: it comes last, mends nothing and takes two thirds of the time."""
+    """Leave out the search for events: it comes last, corrects nothing and takes two thirds of the time."""
     monkeypatch.setattr("softarm.estimator.intake.intake.find_events", lambda *_: ())
 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_nothing_is_found_in_a_good_recording(seed: int) -> None:
-    intake = take_in(arm.small_arm(seed), SPECIMEN)
+    intake = check_recording(arm.small_arm(seed), SPECIMEN)
     assert intake.sentences == ()
     assert intake.refusals == ()
 
 
 @pytest.mark.usefixtures("without_events")
-@pytest.mark.parametrize("name", MENDED)
-def test_a_fault_is_named_and_mended(good: Recording, name: str) -> None:
-    fault, words = MENDED[name]
-    intake = take_in(fault(good), SPECIMEN)
+@pytest.mark.parametrize("name", CORRECTED)
+def test_a_fault_is_named_and_corrected(good: Recording, name: str) -> None:
+    fault, words = CORRECTED[name]
+    intake = check_recording(fault(good), SPECIMEN)
     assert not intake.refusals
     _require(intake.sentences, words)
     _require_alike(intake.recording, good)
@@ -205,9 +208,9 @@ def test_a_fault_is_named_and_mended(good: Recording, name: str) -> None:
 
 
 @pytest.mark.usefixtures("without_events")
-def test_quaternions_in_another_order_are_mended_and_never_taken_for_exchanged_frames() -> None:
+def test_quaternions_in_another_order_are_corrected_and_never_taken_for_exchanged_frames() -> None:
     frames = arm.small_arm(parts=("frame",), flexibility=1.8)
-    intake = take_in(arm.scalar_last(frames), SPECIMEN)
+    intake = check_recording(arm.scalar_last(frames), SPECIMEN)
     assert not intake.refusals
     _require(intake.sentences, "the quaternions are in the order x, y, z, w")
     for name, values in frames.columns.items():
@@ -223,7 +226,7 @@ def test_exchanged_markers_of_a_mirrored_laboratory_are_told_from_others_by_fram
     """Of the markers alone, two others of the base that are exchanged explain as much, with fewer faults."""
     good = arm.small_arm(seed, parts=parts)
     mirrored = arm.both(arm.exchanged("marker_tip0", "marker_tip1"), arm.scaled("marker_", "_y_m", -1.0))
-    intake = take_in(mirrored(good), SPECIMEN)
+    intake = check_recording(mirrored(good), SPECIMEN)
     assert not intake.refusals
     _require(intake.sentences, "markers tip0 and tip1 are exchanged and .* is mirrored")
     _require_alike(intake.recording, good)
@@ -233,17 +236,17 @@ def test_exchanged_markers_are_refused_where_nothing_tells_them_from_a_mirrored_
     markers = arm.small_arm(parts=("marker",))
     columns = {n: np.full_like(v, 3e4) for n, v in markers.columns.items() if n.startswith("pressure")}
     recording = replace(markers, columns={**markers.columns, **columns})
-    _, (found,) = mend_labels(arm.exchanged("marker_tip0", "marker_tip1")(recording), SPECIMEN)
-    assert not found.mended
+    _, (found,) = correct_labels(arm.exchanged("marker_tip0", "marker_tip1")(recording), SPECIMEN)
+    assert not found.corrected
     assert "tip0 and tip1 are exchanged, or markers base0 and base1 are exchanged and one axis" in found.what
 
 
 @pytest.mark.usefixtures("without_events")
-def test_frames_of_a_laboratory_with_a_left_handed_height_are_mended_by_the_pressures(
+def test_frames_of_a_laboratory_with_a_left_handed_height_are_corrected_by_the_pressures(
     good: Recording,
 ) -> None:
     frames = arm.only("frame")(good)
-    intake = take_in(arm.left_handed(2)(frames), SPECIMEN)
+    intake = check_recording(arm.left_handed(2)(frames), SPECIMEN)
     assert not intake.refusals
     _require(intake.sentences, "z axis of the laboratory is mirrored, in positions and orientations")
     _require_alike(intake.recording, frames)
@@ -251,9 +254,9 @@ def test_frames_of_a_laboratory_with_a_left_handed_height_are_mended_by_the_pres
 
 @pytest.mark.usefixtures("without_events")
 @pytest.mark.parametrize("names", PAIRS, ids=" and ".join)
-def test_two_faults_are_named_and_mended(good: Recording, names: tuple[str, str]) -> None:
-    (first, words), (second, more) = (MENDED[name] for name in names)
-    intake = take_in(arm.both(first, second)(good), SPECIMEN)
+def test_two_faults_are_named_and_corrected(good: Recording, names: tuple[str, str]) -> None:
+    (first, words), (second, more) = (CORRECTED[name] for name in names)
+    intake = check_recording(arm.both(first, second)(good), SPECIMEN)
     assert not intake.refusals
     _require(intake.sentences, words)
     _require(intake.sentences, more)
@@ -264,8 +267,8 @@ def test_two_faults_are_named_and_mended(good: Recording, names: tuple[str, str]
 @pytest.mark.parametrize("name", ["", *(kind[-1] for kind in KINDS if kind != ("mirrored frames",))])
 def test_a_laboratory_that_is_turned_hides_no_other_fault(good: Recording, name: str) -> None:
     turned = arm.rotated((0.2, -0.1, 1.2))(good)
-    fault, words = MENDED[name] if name else (lambda one: one, "")
-    intake = take_in(fault(turned), SPECIMEN)
+    fault, words = CORRECTED[name] if name else (lambda one: one, "")
+    intake = check_recording(fault(turned), SPECIMEN)
     assert not intake.refusals
     assert bool(intake.sentences) == bool(name)
     if name:
@@ -279,9 +282,9 @@ def test_an_event_is_found_and_left_out_of_fits(good: Recording, name: str, unit
     fault, begin, end = EVENTS[name]
     recording = fault(good)
     if unit:
-        recording = MENDED[unit][0](recording)
+        recording = CORRECTED[unit][0](recording)
         begin, end = (begin + 2.0, min(end + 2.0, 79.5)) if unit == "late" else (begin, end)
-    intake = take_in(recording, SPECIMEN)
+    intake = check_recording(recording, SPECIMEN)
     assert not intake.refusals
     inside = (good.time > begin + 0.5) & (good.time < end - 0.5)
     seen = np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][inside])
@@ -299,24 +302,24 @@ def test_an_idle_chamber_that_the_bent_arm_squeezes_keeps_its_unit(good: Recordi
     columns = {**good.columns, "pressure_2_pa": squeezed, "pressure_cmd_2_pa": np.zeros(len(squeezed))}
     if not asked:
         columns = {name: values for name, values in columns.items() if "cmd" not in name}
-    mended, found = mend_units(Recording("run", good.time, columns, good.info), SPECIMEN)
+    corrected, found = correct_units(Recording("run", good.time, columns, good.info), SPECIMEN)
     assert not found
-    np.testing.assert_array_equal(mended.columns["pressure_2_pa"], squeezed)
+    np.testing.assert_array_equal(corrected.columns["pressure_2_pa"], squeezed)
 
 
 @pytest.mark.parametrize("name", ["kilopascals", "one chamber in kilopascals"])
 def test_pressures_that_are_stated_to_be_in_pascals_are_left_alone(good: Recording, name: str) -> None:
-    stated = arm.stated(pressure_unit="Pa")(MENDED[name][0](good))
-    mended, found = mend_units(stated, SPECIMEN)
+    stated = arm.stated(pressure_unit="Pa")(CORRECTED[name][0](good))
+    corrected, found = correct_units(stated, SPECIMEN)
     assert not found
-    np.testing.assert_array_equal(mended.columns["pressure_1_pa"], stated.columns["pressure_1_pa"])
+    np.testing.assert_array_equal(corrected.columns["pressure_1_pa"], stated.columns["pressure_1_pa"])
 
 
 @pytest.mark.usefixtures("without_events")
 @pytest.mark.parametrize("name", ["degrees", "absolute", "all absolute"])
 def test_a_stated_unit_of_pressures_hides_no_other_fault(good: Recording, name: str) -> None:
-    fault, words = MENDED[name]
-    intake = take_in(arm.both(fault, arm.stated(pressure_unit="Pa"))(good), SPECIMEN)
+    fault, words = CORRECTED[name]
+    intake = check_recording(arm.both(fault, arm.stated(pressure_unit="Pa"))(good), SPECIMEN)
     assert not intake.refusals
     _require(intake.sentences, words)
     _require_alike(intake.recording, good)
@@ -326,10 +329,12 @@ def test_a_stated_unit_of_pressures_hides_no_other_fault(good: Recording, name: 
 @pytest.mark.parametrize(("unit", "pascals"), [("kPa", 1e3), ("psi", 6894.757), ("mbar", 1e2), ("hpa", 1e2)])
 def test_pressures_are_converted_from_the_stated_unit(good: Recording, unit: str, pascals: float) -> None:
     fault = arm.both(arm.scaled("pressure_", "_pa", 1.0 / pascals), arm.stated(pressure_unit=unit))
-    intake = take_in(fault(good), SPECIMEN)
+    intake = check_recording(fault(good), SPECIMEN)
     assert not intake.refusals
     _require_alike(intake.recording, good)
-    assert not take_in(intake.recording, SPECIMEN).sentences  # what was converted is not converted again
+    assert not check_recording(
+        intake.recording, SPECIMEN
+    ).sentences  # what was converted is not converted again
 
 
 @pytest.mark.parametrize(
@@ -337,7 +342,7 @@ def test_pressures_are_converted_from_the_stated_unit(good: Recording, unit: str
     [("torr", "pressure_unit is 'torr' .* none of Pa, kPa"), ("kPa", "would reach .* times the limit of 65")],
 )
 def test_a_stated_unit_that_cannot_be_is_refused(good: Recording, unit: str, words: str) -> None:
-    (refusal,) = take_in(arm.stated(pressure_unit=unit)(good), SPECIMEN).refusals
+    (refusal,) = check_recording(arm.stated(pressure_unit=unit)(good), SPECIMEN).refusals
     assert re.search(words, str(refusal))
 
 
@@ -355,27 +360,29 @@ def test_a_marker_that_the_specimen_does_not_describe_shares_the_unit_of_the_oth
         columns = {name: values for name, values in columns.items() if not name.startswith("frame_")}
     tied = replace(good, columns=columns)
     fault = arm.scaled("", "_m", 1e3) if kind else arm.scaled("marker_hook", "_m", 1e3)
-    mended, found = mend_units(fault(tied), SPECIMEN)
+    corrected, found = correct_units(fault(tied), SPECIMEN)
     if kind:
         assert "marker_hook lies " in found[-1].what
         assert "it is in millimetres as the others" in found[-1].what
-        np.testing.assert_allclose(mended.marker("hook"), tied.marker("hook"))
-        left_alone, _ = mend_units(arm.scaled(kind, "_m", 1e3)(tied) if kind == "frame_" else tied, SPECIMEN)
+        np.testing.assert_allclose(corrected.marker("hook"), tied.marker("hook"))
+        left_alone, _ = correct_units(
+            arm.scaled(kind, "_m", 1e3)(tied) if kind == "frame_" else tied, SPECIMEN
+        )
         np.testing.assert_allclose(left_alone.marker("hook"), tied.marker("hook"))
     else:
-        assert not found[-1].mended
+        assert not found[-1].corrected
         assert re.search("marker_hook lies 2.* m from the arm", found[-1].what)
 
 
 @pytest.mark.usefixtures("without_events")
 @pytest.mark.parametrize("stays_filled", [True, False])
-def test_one_absolute_pressure_is_mended_where_its_chamber_rests(
+def test_one_absolute_pressure_is_corrected_where_its_chamber_rests(
     good: Recording, *, stays_filled: bool
 ) -> None:
     measured = {name: values for name, values in good.columns.items() if "cmd" not in name}
     filled = np.maximum(measured["pressure_2_pa"], 8e3 + 4e3 * np.sin(good.time) if stays_filled else 0.0)
     recording = replace(good, columns={**measured, "pressure_2_pa": 98e3 + filled})
-    intake = take_in(recording, SPECIMEN)
+    intake = check_recording(recording, SPECIMEN)
     assert bool(intake.refusals) == stays_filled
     sentence = str(intake.refusals[0]) if stays_filled else intake.sentences[0]
     assert re.search("pressure_2_pa never comes below .* it is absolute", sentence)
@@ -390,10 +397,10 @@ def test_bends_beyond_a_whole_turn_are_in_degrees(good: Recording, *, chambers: 
     if not chambers:
         columns = {name: values for name, values in slight.columns.items() if name.startswith("bend_")}
         slight = replace(slight, columns=columns)
-    mended, (found,) = mend_units(slight, SPECIMEN)
+    corrected, (found,) = correct_units(slight, SPECIMEN)
     assert "are in degrees" in found.what
     for name in ("bend_tip_x_rad", "bend_intermediate_y_rad"):
-        np.testing.assert_allclose(mended.columns[name], 0.2 * good.columns[name])
+        np.testing.assert_allclose(corrected.columns[name], 0.2 * good.columns[name])
 
 
 @pytest.mark.usefixtures("without_events")
@@ -402,7 +409,7 @@ def test_bends_beyond_a_whole_turn_are_in_degrees(good: Recording, *, chambers: 
 def test_the_unit_of_a_bend_is_its_own(good: Recording, section: str, shift: float) -> None:
     good = arm.only("bend")(good)
     mixed = arm.scaled(f"bend_{section}", "_rad", 57.29578)(arm.shifted(("bend",), shift)(good))
-    intake = take_in(mixed, SPECIMEN)
+    intake = check_recording(mixed, SPECIMEN)
     _require(intake.sentences, f"the bends of {section} were converted for this run")
     _require_alike(intake.recording, good)
 
@@ -412,14 +419,14 @@ def test_a_bend_in_degrees_that_no_chamber_drives_is_in_the_unit_of_the_other(go
     for column in (f"pressure_{cmd}{k}_pa" for cmd in ("", "cmd_") for k in (3, 4, 5)):
         vented = arm.both(vented, arm.scaled(column, "", 0.0))
     degrees = arm.both(arm.scaled("bend_", "_rad", 57.29578), arm.scaled("bend_tip", "", 0.01))
-    mended, (found,) = mend_units(arm.both(vented, degrees)(good), SPECIMEN)
+    corrected, (found,) = correct_units(arm.both(vented, degrees)(good), SPECIMEN)
     assert "the bends reach" in found.what
-    np.testing.assert_allclose(mended.columns["bend_tip_x_rad"], 0.01 * good.columns["bend_tip_x_rad"])
+    np.testing.assert_allclose(corrected.columns["bend_tip_x_rad"], 0.01 * good.columns["bend_tip_x_rad"])
 
 
 def test_a_bend_beside_degrees_that_may_be_in_either_unit_is_refused(good: Recording) -> None:
     mixed = arm.both(arm.scaled("bend_tip", "_rad", 57.29578), arm.scaled("bend_intermediate", "_rad", 5.0))
-    (refusal,) = take_in(mixed(good), SPECIMEN).refusals
+    (refusal,) = check_recording(mixed(good), SPECIMEN).refusals
     assert "in degrees or in radians; give all bends in radians" in str(refusal)
 
 
@@ -427,9 +434,9 @@ def test_a_chamber_that_is_commanded_to_open_hardly_at_all_is_no_other_unit(good
     slow = 1000.0 * (1.0 - np.cos(0.2 * good.time))
     columns = {"pressure_cmd_3_pa": slow, "pressure_3_pa": 100.0 * np.round(0.3 * slow / 100.0)}
     recording = replace(good, columns={**good.columns, **columns})
-    mended, found = mend_units(recording, SPECIMEN)
+    corrected, found = correct_units(recording, SPECIMEN)
     assert not found
-    np.testing.assert_array_equal(mended.columns["pressure_3_pa"], columns["pressure_3_pa"])
+    np.testing.assert_array_equal(corrected.columns["pressure_3_pa"], columns["pressure_3_pa"])
 
 
 def test_a_hardly_opened_chamber_whose_command_resembles_the_bends_is_no_other_unit(good: Recording) -> None:
@@ -441,9 +448,9 @@ def test_a_hardly_opened_chamber_whose_command_resembles_the_bends_is_no_other_u
     reported = 100.0 * np.round(0.3 * asked / 100.0) * (np.sin(good.time) > 0.0)  # in steps, now and then
     columns = {"pressure_cmd_3_pa": asked, "pressure_3_pa": reported}
     recording = replace(good, columns={**good.columns, **columns})
-    mended, found = mend_units(recording, SPECIMEN)
+    corrected, found = correct_units(recording, SPECIMEN)
     assert not found
-    np.testing.assert_array_equal(mended.columns["pressure_cmd_3_pa"], asked)
+    np.testing.assert_array_equal(corrected.columns["pressure_cmd_3_pa"], asked)
 
 
 @pytest.mark.parametrize("touched", [False, True])
@@ -457,12 +464,12 @@ def test_a_first_loading_that_is_stiffer_is_a_law_and_a_touch_on_later_ones_is_n
     noise = np.random.default_rng(0).normal(0.0, 1e-3, (2, len(time)))
     bends = {"bend_tip_x_rad": bend + noise[0], "bend_tip_y_rad": 0.3 * bend + noise[1]}
     columns = {"pressure_0_pa": 45e3 * level, **bends}
-    events = take_in(Recording("run", time, columns, {"specimen": "sopra"}), SPECIMEN).events
+    events = check_recording(Recording("run", time, columns, {"specimen": "sopra"}), SPECIMEN).events
     assert [event.interval[0] < 34.0 < event.interval[1] for event in events] == [True] * touched
 
 
 def test_a_body_that_is_found_elsewhere_is_an_event(good: Recording) -> None:
-    intake = take_in(arm.lost_and_found(at=50.5)(good), SPECIMEN)
+    intake = check_recording(arm.lost_and_found(at=50.5)(good), SPECIMEN)
     assert any("bend_tip" in event.channels for event in intake.events)
     after = np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][good.time > 52.0])
     before = np.isfinite(intake.for_fits.columns["bend_tip_x_rad"][good.time < 49.0])
@@ -471,9 +478,9 @@ def test_a_body_that_is_found_elsewhere_is_an_event(good: Recording) -> None:
 
 
 @pytest.mark.parametrize("name", REFUSED)
-def test_a_fault_that_cannot_be_mended_is_refused_with_a_cure(good: Recording, name: str) -> None:
+def test_a_fault_that_cannot_be_corrected_is_refused_with_a_cure(good: Recording, name: str) -> None:
     fault, words = REFUSED[name]
-    (refusal,) = take_in(fault(good), SPECIMEN).refusals
+    (refusal,) = check_recording(fault(good), SPECIMEN).refusals
     assert re.search(words, str(refusal))
     assert refusal.cure
 
@@ -485,7 +492,7 @@ def test_a_base_that_was_never_read_registers_nothing(good: Recording) -> None:
 
 
 def test_a_recording_without_the_base_may_be_in_its_frame(good: Recording) -> None:
-    assert not take_in(arm.without_base(good), SPECIMEN).sentences
+    assert not check_recording(arm.without_base(good), SPECIMEN).sentences
 
 
 @pytest.mark.parametrize("rate", [50.0, 100.0])
@@ -496,9 +503,9 @@ def test_spikes_count_as_lost_and_motion_does_not(good: Recording, rate: float) 
     bad[[100, 300, 301]] += [1.0, -1.0, -1.0]
     columns = {"bend_tip_x_rad": bad, "bend_tip_y_rad": swing, "pressure_0_pa": 3e4 + 1e3 * swing}
     columns["pressure_0_pa"][200] = 655350.0
-    mended, (found,) = mend_lost(Recording("run", time, columns), SPECIMEN)
+    corrected, (found,) = correct_lost(Recording("run", time, columns), SPECIMEN)
     assert "bend_tip 3 spikes, pressure_0_pa 1 spikes" in found.what
-    assert np.flatnonzero(np.isnan(mended.columns["bend_tip_x_rad"])).tolist() == [100, 300, 301]
+    assert np.flatnonzero(np.isnan(corrected.columns["bend_tip_x_rad"])).tolist() == [100, 300, 301]
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -506,9 +513,9 @@ def test_the_sign_of_a_gauge_that_pushes_is_turned(good: Recording, sign: float)
     pull = 0.4 * np.clip(np.sin(good.time / 5.0), 0.0, 1.0)
     columns = {**good.columns, "gauge_cord_n": sign * pull}
     tied = Recording("run", good.time, columns, {**good.info, "gauge_section": "tip"})
-    mended, found = mend_signs(tied, SPECIMEN)
+    corrected, found = correct_signs(tied, SPECIMEN)
     assert len(found) == (sign < 0.0)
-    np.testing.assert_array_equal(mended.gauge("cord"), pull)
+    np.testing.assert_array_equal(corrected.gauge("cord"), pull)
 
 
 def test_violent_motion_does_not_make_markers_wrong(good: Recording) -> None:
@@ -518,11 +525,11 @@ def test_violent_motion_does_not_make_markers_wrong(good: Recording) -> None:
     for name in columns:
         if name.startswith("marker_tip"):
             columns[name] = np.where(rough, columns[name] + rng.normal(0.0, 0.05, len(rough)), columns[name])
-    assert not mend_labels(Recording("run", good.time, columns, good.info), SPECIMEN)[1]
+    assert not correct_labels(Recording("run", good.time, columns, good.info), SPECIMEN)[1]
 
 
 def test_another_specimen_is_refused_with_what_differs(good: Recording) -> None:
-    (refusal,) = take_in(good, load_specimen("single_segment")).refusals
+    (refusal,) = check_recording(good, load_specimen("single_segment")).refusals
     assert "recorded on 'sopra', not on 'single_segment'" in str(refusal)
     assert "chambers 0, 1, 2, 3, 4, 5, the specimen has 4" in str(refusal)
 
@@ -530,14 +537,16 @@ def test_another_specimen_is_refused_with_what_differs(good: Recording) -> None:
 def test_a_specimen_without_chambers_has_none() -> None:
     columns = {"pressure_0_pa": np.linspace(0.0, 1e4, 50)}
     columns |= {f"marker_tip1_{axis}_m": np.zeros(50) for axis in "xyz"}
-    (refusal,) = take_in(Recording("run", 0.1 * np.arange(50), columns), load_specimen("beam")).refusals
+    (refusal,) = check_recording(
+        Recording("run", 0.1 * np.arange(50), columns), load_specimen("beam")
+    ).refusals
     assert "it has chamber 0, the specimen has none" in str(refusal)
 
 
 def test_pressures_above_the_limit_are_left_out_of_fits(good: Recording) -> None:
     chambers = tuple(c.model_copy(update={"pressure_limit_pa": 40e3}) for c in SPECIMEN.chambers)
     intake_specimen = SPECIMEN.model_copy(update={"chambers": chambers})
-    intake = take_in(good, intake_specimen)
+    intake = check_recording(good, intake_specimen)
     above = np.any([good.columns[f"pressure_{k}_pa"] > 44e3 for k in range(6)], axis=0)
     assert not intake.refusals
     assert "over its limit of 40" in intake.sentences[0]
@@ -554,7 +563,7 @@ def test_seconds_without_pressures_are_named_and_no_event(good: Recording, *, mo
     if not moved:
         columns = {n: np.where(lost, np.nan, v) if n.startswith("bend") else v for n, v in columns.items()}
         columns = {n: v for n, v in columns.items() if not n.startswith(("frame", "marker"))}
-    intake = take_in(replace(good, columns=columns), SPECIMEN)
+    intake = check_recording(replace(good, columns=columns), SPECIMEN)
     assert not intake.events
     assert not intake.refusals
     words = (
@@ -578,7 +587,7 @@ def test_a_chamber_that_nobody_recorded_counts_as_vented_and_is_named(
     }
     if not empty:
         columns = {name: values for name, values in columns.items() if not np.isnan(values).all()}
-    intake = take_in(replace(good, columns=columns), SPECIMEN)
+    intake = check_recording(replace(good, columns=columns), SPECIMEN)
     words = {
         (): (),
         (3,): (
@@ -598,7 +607,7 @@ def test_a_chamber_that_nobody_recorded_counts_as_vented_and_is_named(
 
 @pytest.mark.parametrize("rows", [1, 2, 30])
 def test_short_recordings_end_without_an_error(good: Recording, rows: int) -> None:
-    assert take_in(good.window(np.arange(len(good.time)) < rows), SPECIMEN).events == ()
+    assert check_recording(good.window(np.arange(len(good.time)) < rows), SPECIMEN).events == ()
 
 
 def test_sensors_that_were_never_seen_end_without_an_error(good: Recording) -> None:
@@ -606,7 +615,7 @@ def test_sensors_that_were_never_seen_end_without_an_error(good: Recording) -> N
         n: np.full_like(v, np.nan) if n.startswith(("bend", "frame_tip")) else v
         for n, v in good.columns.items()
     }
-    take_in(Recording("run", good.time, columns, good.info), SPECIMEN)
+    check_recording(Recording("run", good.time, columns, good.info), SPECIMEN)
 
 
 def test_a_recording_without_any_motion_that_was_read_is_refused(good: Recording) -> None:
@@ -620,14 +629,16 @@ def _require(sentences: tuple[str, ...], words: str) -> None:
     assert any(re.search(words, sentence) for sentence in sentences), sentences
 
 
-def _require_alike(mended: Recording, good: Recording) -> None:
+def _require_alike(corrected: Recording, good: Recording) -> None:
     """Motion in the base frame, and the pressures that caused it, agree again with those of the good one."""
     names = (
         "bend_tip_x_rad",
         *(f"{body}_{axis}_m" for body in ("frame_tip", "marker_tip0") for axis in "xyz"),
     )
     pairs = [
-        [_relation(recording, name) for recording in (mended, good)] for name in names if name in good.columns
+        [_relation(recording, name) for recording in (corrected, good)]
+        for name in names
+        if name in good.columns
     ]
     largest = max(np.abs(other).max() for _, other in pairs)
     for one, other in pairs:
@@ -663,7 +674,7 @@ def test_the_scatter_of_vented_valves_is_no_pressure_in_another_unit() -> None:
     }
     bends = {name: rng.normal(0.0, 1e-3, 900) for name in columns if name.startswith("bend_")}
     recording = Recording(vented.name, vented.time[:900], {**columns, **readings, **bends}, vented.info)
-    assert take_in(recording, SPECIMEN).mismatches == ()
+    assert check_recording(recording, SPECIMEN).mismatches == ()
 
 
 def test_chambers_that_are_filled_alike_do_not_turn_radians_into_degrees() -> None:
@@ -676,14 +687,14 @@ def test_chambers_that_are_filled_alike_do_not_turn_radians_into_degrees() -> No
         "bend_tip_y_rad": 0.1 * together / arm.LIMIT,
     }
     recording = Recording("alike", time, filled | bends)
-    assert mend_units(recording, arm.specimen()) == (recording, ())
+    assert correct_units(recording, arm.specimen()) == (recording, ())
 
 
 def test_a_recording_of_three_chambers_is_refused_for_an_arm_of_six_whatever_file_it_names() -> None:
     whole = arm.small_arm(seconds=20.0)
     columns = {k: v for k, v in whole.columns.items() if not re.match(r"pressure_(cmd_)?[345]_", k)}
     recording = Recording("mine", whole.time, columns, {"specimen": "/somewhere/tri.toml"})
-    (refusal,) = take_in(recording, SPECIMEN).refusals
+    (refusal,) = check_recording(recording, SPECIMEN).refusals
     assert "it has chambers 0, 1, 2, the specimen has 6" in str(refusal)
 
 
@@ -700,7 +711,7 @@ def _frozen(recording: Recording, rows: slice, *, live: str = "") -> Recording:
 def test_pressures_that_are_frozen_while_the_arm_moves_are_named_and_left_out(
     good: Recording, rows: slice, begin: float
 ) -> None:
-    intake = take_in(_frozen(good, rows), SPECIMEN)
+    intake = check_recording(_frozen(good, rows), SPECIMEN)
     (sentence,) = intake.sentences
     assert re.search(
         r"every pressure reads one and the same number while \w+ moves by .* there and back", sentence
@@ -717,19 +728,19 @@ def test_pressures_that_rest_while_the_arm_swings_creeps_or_is_pulled_are_not_fr
     rest = {name: np.full(len(time), 2e4) for name in good.columns if name.startswith("pressure_")}
     swing = 0.5 * np.exp(-time / 5.0) * np.cos(9.0 * time) + 0.3 * np.exp(-time / 10.0)
     left = {"bend_tip_x_rad": swing, "bend_tip_y_rad": 0.2 * swing}
-    assert not take_in(Recording("run", time, rest | left, good.info), SPECIMEN).sentences
+    assert not check_recording(Recording("run", time, rest | left, good.info), SPECIMEN).sentences
     pulled = {"bend_tip_x_rad": 0.3 * np.sin(0.2 * time), "bend_tip_y_rad": 0.0 * time}
     gauge = {"gauge_cord_n": 0.5 * np.abs(np.sin(0.2 * time)) + 0.1}
-    assert not take_in(Recording("run", time, rest | pulled | gauge, good.info), SPECIMEN).sentences
+    assert not check_recording(Recording("run", time, rest | pulled | gauge, good.info), SPECIMEN).sentences
 
 
 def test_a_sensor_that_stands_still_is_no_event(good: Recording) -> None:
     columns = dict(good.columns)
     for name in (name for name in columns if name.startswith("frame_tip")):
         columns[name] = np.where(good.time > 60.0, columns[name][1200], columns[name])
-    assert take_in(Recording("run", good.time, columns, good.info), SPECIMEN).events == ()
+    assert check_recording(Recording("run", good.time, columns, good.info), SPECIMEN).events == ()
 
 
 def test_a_frozen_sensor_whose_set_point_goes_on_loses_nothing(good: Recording) -> None:
-    intake = take_in(_frozen(good, slice(400, None), live="pressure_cmd"), SPECIMEN)
+    intake = check_recording(_frozen(good, slice(400, None), live="pressure_cmd"), SPECIMEN)
     assert not intake.excluded

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.intake.grid import Grid
-from softarm.estimator.intake.provoked import unprovoked_motion
+from softarm.estimator.intake.provoked import unexplained_motion
 
 STEP = 0.1
 
@@ -30,11 +30,11 @@ def test_swings_after_steps_are_provoked_whatever_the_law(power):
         law = (2.0 * pressure - 1.0) ** power
         return 0.1 * law + sum(0.1 * swing(time, at) for at in range(8, 40, 8))
 
-    assert unprovoked_motion(recorded(reading)).excess.max() == 0.0
+    assert unexplained_motion(recorded(reading)).excess.max() == 0.0
 
 
 def test_motion_while_the_pressures_rest_is_not():
-    found = unprovoked_motion(
+    found = unexplained_motion(
         recorded(lambda time, pressure: 0.1 * pressure + 0.3 * (abs(time - 21.0) < 1.0))
     )
     begun = found.time[found.excess[:, 0] > 0.1]

@@ -17,7 +17,7 @@ SWEEPS = 0.5 + 0.5 * np.column_stack([np.sin(0.7 * TIME) * np.cos(0.11 * TIME), 
 def moved(values: Floats, pressures: Floats, moments: list[float]) -> float | None:
     """Return when a body moved that is not seen for a second, by the law fitted to what it reads."""
     noise = np.random.default_rng(0).normal(0.0, NOISE, len(TIME))
-    inputs = Predictors.of(TIME, pressures).take(np.flatnonzero(SEEN))
+    inputs = Predictors.of(TIME, pressures).subset(np.flatnonzero(SEEN))
     seen = (values + noise)[SEEN, None]
     scaled = (seen - np.median(seen)) / seen.std()
     weights = np.ones(len(seen))

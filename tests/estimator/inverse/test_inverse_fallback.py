@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from softarm.estimator.inverse import (
+    BackgroundSolver,
     Estimator,
     FallbackEstimator,
     LoadProcess,
-    Pursuit,
     Tolerances,
     TrackerSettings,
 )
@@ -26,7 +26,7 @@ SETTINGS = TrackerSettings(
     LoadProcess(np.ones(4), 0.0),
     ActuationMap(np.ones(6), np.zeros(6), 200.0),
     LIMITS,
-    tolerances=Tolerances(settles=False),
+    tolerances=Tolerances(solves_after_rejection=False),
 )
 REACH = 0.3
 
@@ -47,12 +47,12 @@ def followed(arm):
             return super().solve(inputs, start)
 
     exact = Exact(*(getattr(arm, field.name) for field in fields(arm)))
-    with Pursuit(exact, REACH) as pursuit:
+    with BackgroundSolver(exact, REACH) as background:
         allowed.set()
         estimator = FallbackEstimator(
-            Estimator(exact, SUITE, SETTINGS), Estimator(arm, SUITE, SETTINGS), pursuit
+            Estimator(exact, SUITE, SETTINGS), Estimator(arm, SUITE, SETTINGS), background
         )
-        yield estimator, pursuit, broken, solved_in, allowed
+        yield estimator, background, broken, solved_in, allowed
         allowed.set()
 
 
@@ -63,7 +63,7 @@ def instant(arm, estimator, time, pressures):
 
 
 def test_an_arm_that_was_lost_is_answered_for_at_once_and_found_again(arm, followed) -> None:
-    estimator, pursuit, broken, solved_in, _ = followed
+    estimator, background, broken, solved_in, _ = followed
     lost = []
     for number in range(12):
         (broken.set if number == 5 else broken.clear)()
@@ -71,42 +71,42 @@ def test_an_arm_that_was_lost_is_answered_for_at_once_and_found_again(arm, follo
         assert estimate.converged
         np.testing.assert_allclose(estimate.inputs.loads, LOADS, atol=5e-3)
         lost.append(estimator.lost)
-        pursuit.wait()
+        background.wait()
     assert [number for number, flag in enumerate(lost) if flag] == [0, 1, 5, 6]
     assert solved_in
     assert main_thread() not in solved_in
 
 
 def test_the_exact_model_waits_until_a_step_reaches_the_arm(arm, followed) -> None:
-    estimator, pursuit, _, _, allowed = followed
+    estimator, background, _, _, allowed = followed
     allowed.clear()
     for number in range(2):
         instant(arm, estimator, 0.15 * number, NEAR)
-    assert not pursuit.idle
+    assert not background.idle
     assert instant(arm, estimator, 0.3, FAR).converged
     allowed.set()
-    pursuit.wait()
+    background.wait()
     lost = []
     for number in range(3, 6):
         assert instant(arm, estimator, 0.15 * number, FAR).converged
         lost.append(estimator.lost)
-        pursuit.wait()
+        background.wait()
     assert lost == [True, False, False]
 
 
 def test_the_exact_model_is_not_brought_to_where_the_arm_passes_by(arm, followed) -> None:
-    estimator, pursuit, _, solved_in, _ = followed
+    estimator, background, _, solved_in, _ = followed
     for number in range(8):
         instant(arm, estimator, 0.15 * number, FAR if number % 2 else NEAR)
-        pursuit.wait()
+        background.wait()
     assert not solved_in
 
 
 def test_a_reset_forgets_both_estimates(arm, followed) -> None:
-    estimator, pursuit, *_ = followed
+    estimator, background, *_ = followed
     for number in range(3):
         instant(arm, estimator, 0.15 * number, NEAR)
-        pursuit.wait()
+        background.wait()
     assert not estimator.lost
     estimator.reset()
     assert instant(arm, estimator, 0.0, FAR).converged

@@ -101,7 +101,7 @@ def test_six_pressures_and_four_forces_are_too_many_for_two_orientations(arm) ->
     assert estimate.observability.rank <= 6
     assert len(estimate.unobservable_directions) == 10 - estimate.observability.rank
     assert (
-        f"{10 - estimate.observability.rank} of their combinations cannot be seen"
+        f"{10 - estimate.observability.rank} of their combinations cannot be observed"
         in estimate.observability.statement
     )
     assert (estimate.inputs.pressures >= 0.0).all()

@@ -3,6 +3,7 @@
 import numpy as np
 
 from softarm.estimator.effects import World
+from softarm.estimator.effects.surface import Surface
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.simulation import Drive, LinearisedArm, Segments
@@ -13,6 +14,12 @@ AZIMUTHS = np.radians([0.0, 120.0, 240.0] * 2)
 MASSES = np.array([0.02, 0.08])
 REST = Frames(np.array([[0.0, 0.0, 0.13], [0.0, 0.0, 0.27]]), np.tile(np.eye(3), (2, 1, 1)))
 SEGMENTS = Segments(("upper", "lower"), (-1, 0), (0, 1), REST)
+
+
+def surface_of(segments: Segments) -> Surface:
+    """A surface 15 mm from the axis, 5 mm beyond the last section."""
+    end = float(segments.rest.positions[-1, 2]) + 0.005
+    return Surface.of(segments, end, lambda heights: np.full(len(heights), 0.015))
 
 
 def twists_by_strains() -> np.ndarray:
@@ -61,4 +68,5 @@ def world(sensors: tuple[str, ...] = ()) -> World:
         STIFFNESS,
         MASSES,
         REST.positions,
+        surface_of(SEGMENTS),
     )

@@ -5,7 +5,7 @@ import pytest
 
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Frames, Inputs
-from softarm.estimator.node_by_node import NodeByNode
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.simulation import Drive, LinearisedArm, Segments, SimulatedArm, section_loads
 from tests.estimator.inverse.toy_arm import LENGTH, STIFFNESS, ToyArm
 
@@ -15,7 +15,7 @@ SECTIONS = ("intermediate", "tip")
 def toy() -> SimulatedArm:
     model = ToyArm(section_loads(SECTIONS))
     rest = Frames(np.array([[0, 0, LENGTH], [0, 0, 2 * LENGTH]], dtype=float), np.tile(np.eye(3), (2, 1, 1)))
-    return SimulatedArm(NodeByNode(model), Segments(("upper", "lower"), (-1, 0), (0, 1), rest))
+    return SimulatedArm(SequentialBatchModel(model), Segments(("upper", "lower"), (-1, 0), (0, 1), rest))
 
 
 def some_drive() -> Drive:
@@ -81,4 +81,4 @@ def test_the_linearised_arm_is_right_to_first_order(what: str):
 def test_a_model_with_other_loads_is_refused():
     arm = toy()
     with pytest.raises(InputError, match="section_loads"):
-        SimulatedArm(NodeByNode(arm.model.model.with_loads(())), arm.segments)
+        SimulatedArm(SequentialBatchModel(arm.model.model.with_loads(())), arm.segments)

@@ -25,7 +25,7 @@ def test_a_restart_is_one_line_of_the_services_log(tmp_path):
     log = tmp_path / "service.log"
     log.write_text(
         "WARNING worker: the estimator was at one request for more than 5 s; it is killed\n"
-        "WARNING worker: the estimator died (1 of 6 within 600 s); it starts again in 0.1 s\n"
+        "WARNING worker: the estimator died (1 of 6 within 600 s); it is restarted in 0.1 s\n"
         "INFO reporting: bend: no longer unplugged\n"
     )
     assert restarts(log) == 1

@@ -36,7 +36,7 @@ def test_a_line_that_is_no_outcome_is_named(tmp_path: Path, line: str):
     path = tmp_path / "results.jsonl"
     path.write_text(f"{ONE.line()}{line}\n")
     with pytest.raises(
-        InputError, match=r"results\.jsonl, line 2: is no outcome of a trial; delete that line"
+        InputError, match=r"results\.jsonl, line 2: is not the outcome of a trial; delete that line"
     ):
         read_outcomes(path)
 

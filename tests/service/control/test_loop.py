@@ -1,4 +1,4 @@
-"""The control loop itself, in virtual time and on stand-ins of its surroundings."""
+"""The control loop itself, in virtual time and on stand-ins of its dependencies."""
 
 import asyncio
 import itertools
@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 
 from softarm.daemon.control import command_handler
+from softarm.daemon.control.dependencies import Clocks, LoopDependencies
 from softarm.daemon.control.host_watch import HostLoad, HostWatch
 from softarm.daemon.control.lateness import pressure_files, read_pressure
 from softarm.daemon.control.poses import PoseStore
-from softarm.daemon.control.surroundings import Clocks, Surroundings
 from softarm.daemon.control.tick import Tick, Ticker, TickSchedule
 from softarm.daemon.estimation.worker import WorkerState
 from softarm.daemon.loop import ControlLoop
@@ -28,7 +28,7 @@ TICK_NS = 10_000_000
 UNIX_NS = 10**18
 
 
-class Outlet:
+class MessageSink:
     shape_wanted = False
 
     def __init__(self):
@@ -49,14 +49,14 @@ class Arm:
 
     def __init__(self, folder, clocks=None, host=HostLoad):
         self.now_ns, self.index, self.sequence, self.lease = 10**9, 0, 0, None
-        self.outlet, self.ready = Outlet(), []
+        self.sink, self.ready = MessageSink(), []
         clocks = clocks or Clocks(lambda: self.now_ns, lambda: UNIX_NS)
         self.loop = ControlLoop(
             setup_in(folder),
-            Surroundings(
+            LoopDependencies(
                 lambda readings: Instruments(readings, clocks.monotonic_ns),
                 Estimator,
-                self.outlet,
+                self.sink,
                 "",
                 lambda: self.ready.append(self.loop.mode),
                 clocks,
@@ -118,7 +118,7 @@ async def test_a_service_whose_estimator_cannot_be_built_does_not_call_it_ready(
     arm.loop.estimates.process.state = WorkerState(running=False, restarts=6, gave_up=True)
     arm.step()
     assert arm.loop.mode is Mode.IDLE
-    (change,) = [event.text for event in arm.outlet.of("event") if event.kind == "mode"]
+    (change,) = [event.text for event in arm.sink.of("event") if event.kind == "mode"]
     assert "cannot be built" in change
 
 
@@ -128,9 +128,7 @@ async def test_every_change_of_mode_is_an_event_and_in_the_journal_with_who_aske
     await arm.demand("lease/acquire", "arm", "teach/start", "teach/hold", "teach/release", "disarm")
     await arm.send("stop", client="bob")
     await arm.demand("clear")
-    changes = [
-        (event.text.split(":")[0], event.by) for event in arm.outlet.of("event") if event.kind == "mode"
-    ]
+    changes = [(event.text.split(":")[0], event.by) for event in arm.sink.of("event") if event.kind == "mode"]
     assert changes == [
         ("STARTING -> IDLE", "service"),
         ("IDLE -> ARMED", "ann"),
@@ -149,12 +147,12 @@ async def test_a_search_that_diverged_counts_as_failed_and_leaves_the_last_pose(
     arm.step(10)
     await arm.demand("lease/acquire", "arm", "teach/start")
     nowhere = {"positions": np.full((3, 3), np.nan), "degrees_of_freedom": np.nan}
-    published = len(arm.outlet.of("estimate"))
-    arm.loop.estimates.take(replace(arm.loop.estimator_state.result, **nowhere))
+    published = len(arm.sink.of("estimate"))
+    arm.loop.estimates.on_result(replace(arm.loop.estimator_state.result, **nowhere))
     state = arm.loop.estimator_state
     assert (state.failures, state.hold, state.held) == (1, None, None)
     assert state.tare_now() is None
-    assert len(arm.outlet.of("estimate")) == published
+    assert len(arm.sink.of("estimate")) == published
     assert np.isfinite([section.position_m for section in state.sections]).all()
     arm.step()
     assert (state.failures, arm.loop.mode) == (0, Mode.TEACH)
@@ -176,7 +174,7 @@ async def test_a_command_that_waits_for_an_estimate_ends_with_its_mode(arm):
 async def test_a_report_that_fails_does_not_keep_the_arm_from_being_vented(arm, monkeypatch):
     arm.step()
     await arm.demand("lease/acquire", "arm")
-    monkeypatch.setattr(arm.outlet, "publish", lambda *_: 1 / 0)
+    monkeypatch.setattr(arm.sink, "publish", lambda *_: 1 / 0)
     await arm.demand("stop")
     assert arm.loop.mode is Mode.FAULTED
     assert not arm.instruments.valves.armed
@@ -185,9 +183,9 @@ async def test_a_report_that_fails_does_not_keep_the_arm_from_being_vented(arm, 
 async def test_a_fault_publishes_no_more_states_than_any_other_mode(arm):
     arm.step()
     await arm.demand("stop")
-    before = len(arm.outlet.of("state"))
+    before = len(arm.sink.of("state"))
     arm.step(100)
-    assert len(arm.outlet.of("state")) - before == 20
+    assert len(arm.sink.of("state")) - before == 20
 
 
 async def test_a_complete_packet_starts_an_estimate_without_waiting_for_a_tick(arm):
@@ -252,13 +250,13 @@ async def test_a_set_point_that_ran_out_ends_teaching_and_holding(arm, verbs, mo
     arm.step(2)
     assert arm.loop.mode is mode
     if mode is Mode.FAULTED:
-        assert "ran out" in arm.loop.controller.modes.fault_cause
+        assert "expired" in arm.loop.controller.modes.fault_cause
         assert not arm.instruments.valves.armed
 
 
 async def test_a_force_that_is_not_estimated_is_not_said_to_be_known(arm):
     arm.step()
-    estimate = arm.outlet.of("estimate")[-1]
+    estimate = arm.sink.of("estimate")[-1]
     for load in estimate.loads:
         covariance = np.array(load.covariance_n2, dtype=float)
         assert np.isfinite(covariance[:2, :2]).all()
@@ -273,7 +271,7 @@ async def test_the_latency_of_an_estimate_ends_at_its_stamp(tmp_path):
     ticking = itertools.count(10**9, 1000)
     arm = Arm(tmp_path, Clocks(lambda: next(ticking), lambda: UNIX_NS))
     arm.step(3)
-    request, estimate = arm.loop.estimates.process.requests[-1], arm.outlet.of("estimate")[-1]
+    request, estimate = arm.loop.estimates.process.requests[-1], arm.sink.of("estimate")[-1]
     ended_ns = request.newest_arrival_ns + estimate.latency_s * 1e9
     assert ended_ns == pytest.approx(estimate.stamp.monotonic_ns, abs=0.1)
 
@@ -314,7 +312,7 @@ async def test_a_slow_disk_keeps_neither_the_loop_nor_another_command_waiting(tm
         blocked_s = time.monotonic() - begun_s
         free.set()
         assert (await saving).applied["name"] == "a"
-    state = arm.outlet.of("state")[-1]
+    state = arm.sink.of("state")[-1]
     assert 0.0 <= state.drift_median_s <= state.drift_p99_s
     # A loop that waits for the disk is late by all of the second and more for which this disk blocks.
     assert latest_s < 0.25 * blocked_s, (latest_s, blocked_s)
@@ -334,7 +332,7 @@ async def test_a_pose_that_the_disk_does_not_take_is_refused_in_time(arm, monkey
 async def test_drift_of_the_ticks_is_published(arm):
     arm.step(50)
     arm.step(50, drift_ns=4_000_000)
-    state = arm.outlet.of("state")[-1]
+    state = arm.sink.of("state")[-1]
     assert state.drift_p99_s == pytest.approx(4e-3)
 
 
@@ -342,9 +340,9 @@ async def test_ticks_that_were_skipped_count_as_late(arm):
     arm.step(50)
     schedule = TickSchedule(arm.now_ns + TICK_NS, TICK_NS)
     arm.now_ns += 10 * TICK_NS
-    arm.loop.step(schedule.take(arm.now_ns))
+    arm.loop.step(schedule.begin_tick(arm.now_ns))
     arm.step(9)
-    assert arm.outlet.of("state")[-1].drift_p99_s > 0.03
+    assert arm.sink.of("state")[-1].drift_p99_s > 0.03
 
 
 async def test_an_estimator_that_has_just_become_ready_is_given_its_deadline(arm):
@@ -379,7 +377,7 @@ async def test_a_fault_of_a_busy_machine_names_the_processor(tmp_path, starved_p
     arm.instruments.expiries += 1
     arm.step()
     cause = arm.loop.controller.modes.fault_cause
-    assert "ran out" in cause
+    assert "expired" in cause
     assert ("programs waited for the processor 90 %" in cause) is (starved_percent > 0.0)
 
 
@@ -387,8 +385,8 @@ async def test_silence_while_the_loop_was_late_is_laid_to_the_processor(arm):
     arm.step(600)
     schedule = TickSchedule(arm.now_ns + TICK_NS, TICK_NS)
     arm.now_ns += 300_000_000
-    arm.loop.step(schedule.take(arm.now_ns))
-    stale = [f for f in arm.outlet.of("state")[-1].findings if f.code == "stale_sensor"]
+    arm.loop.step(schedule.begin_tick(arm.now_ns))
+    stale = [f for f in arm.sink.of("state")[-1].findings if f.code == "stale_sensor"]
     assert stale
     assert all("came 290 ms late" in f.message and "processor" in f.hint for f in stale)
 
@@ -410,7 +408,7 @@ async def test_a_device_that_is_unplugged_is_found_and_can_be_reconnected(arm):
         DeviceStatus("gauge", connected=False, error="cannot be reached", cure="plug it in"),
     )
     arm.step(10)
-    (finding,) = [f for f in arm.outlet.of("state")[-1].findings if f.where == "gauge"]
+    (finding,) = [f for f in arm.sink.of("state")[-1].findings if f.where == "gauge"]
     assert (finding.code, finding.severity) == ("device_lost", "warning")
     refused = await arm.send("device/reconnect", device="nobody")
     assert (refused.code, "nobody" in refused.message) == ("malformed", True)
@@ -454,14 +452,14 @@ async def test_a_bank_that_vents_by_itself_ends_the_mode_and_is_named(arm):
     arm.instruments.valves.armed = False
     arm.step()
     assert arm.loop.mode is Mode.FAULTED
-    assert "the valve bank has vented by itself" in arm.outlet.of("event")[-1].text
+    assert "the valve bank has vented by itself" in arm.sink.of("event")[-1].text
 
 
 async def test_stored_readings_raise_no_live_alarm(arm):
     arm.instruments.source = "replay"
     arm.instruments.status = (DeviceStatus("gauge", connected=False, error="cannot be reached"),)
     arm.step(10)
-    assert arm.outlet.of("state")[-1].findings == ()
+    assert arm.sink.of("state")[-1].findings == ()
 
 
 def test_a_disk_that_does_not_answer_leaves_its_free_space_unknown(tmp_path):
@@ -469,9 +467,9 @@ def test_a_disk_that_does_not_answer_leaves_its_free_space_unknown(tmp_path):
         raise OSError(f"{path} is not answering")
 
     watch = HostWatch(tmp_path / "not" / "made", hangs_and_fails)
-    watch.look()
+    watch.check()
     assert watch.newest.free_bytes is None
     asked = []
     watch = HostWatch(tmp_path / "not" / "made", lambda path: asked.append(path) or 7)
-    watch.look()
+    watch.check()
     assert (watch.newest.free_bytes, asked) == (7, [tmp_path])

@@ -194,7 +194,7 @@ def test_starting_does_not_wait_for_ever_for_a_directory_that_hangs(tmp_path, mo
 def test_a_recording_ends_whole_before_the_disk_is_full(tmp_path, monkeypatch):
     monkeypatch.setattr(recorder_module, "SPACE_CHECK_S", 0.05)
     left = [10**12]
-    recorder = Recorder(tmp_path, look=lambda _: left[0])
+    recorder = Recorder(tmp_path, find_free_space=lambda _: left[0])
     path = recorder.start("run", {})
     run = recorder._run
     for index in range(50):

@@ -25,7 +25,7 @@ def arm(tmp_path):
     def submit(make):
         request = make()
         if request is not None:
-            nodes = NODES if request.want_mesh else None
+            nodes = NODES if request.with_mesh else None
             loads = np.array([0.0, 0.0, 0.01 * next(count), 0.0])
             estimator._on_result(replace(result(request), nodes=nodes, loads=loads))
 
@@ -35,11 +35,11 @@ def arm(tmp_path):
 
 def test_the_surface_is_sent_ten_times_a_second_and_only_while_somebody_listens(arm):
     arm.step(100)
-    assert arm.outlet.shapes == []
-    arm.outlet.shape_wanted = True
+    assert arm.sink.shapes == []
+    arm.sink.shape_wanted = True
     arm.step(100)
-    assert len(arm.outlet.shapes) == pytest.approx(SHAPE_RATE_HZ, abs=1)
-    for shape in arm.outlet.shapes:
+    assert len(arm.sink.shapes) == pytest.approx(SHAPE_RATE_HZ, abs=1)
+    for shape in arm.sink.shapes:
         np.testing.assert_array_equal(np.frombuffer(shape, "<f4").reshape(-1, 4), NODES)
 
 
@@ -47,11 +47,11 @@ async def test_a_recording_holds_the_forces_that_were_published_while_it_ran(arm
     await arm.demand("lease/acquire")
     arm.step(20)
     answer = await arm.send("record/start")
-    before = len(arm.outlet.of("estimate"))
+    before = len(arm.sink.of("estimate"))
     for _ in range(30):
         arm.step()
         await asyncio.sleep(0)
-    published = arm.outlet.of("estimate")[before:]
+    published = arm.sink.of("estimate")[before:]
     await arm.demand("record/stop")
     recording = load_recording(Path(answer.applied["path"]))
     written = recording.columns["estimate_force_tip_x_n"]

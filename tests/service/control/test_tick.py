@@ -13,7 +13,7 @@ def test_schedule_stays_on_its_grid_and_counts_what_it_skips(delays):
     now, taken, missed = 0, 0, 0
     for delay in delays:
         now = max(now, schedule.next_deadline_ns) + delay
-        tick = schedule.take(now)
+        tick = schedule.begin_tick(now)
         taken += 1
         missed += tick.missed
         assert tick.deadline_ns % INTERVAL == 0

@@ -81,7 +81,7 @@ def result(hold=None, loads=(0.0, 0.0, 0.0, 0.0), time_s=0.0):
 
 def failed(time_s):
     """A search for the hold that did not converge."""
-    unknown = HoldAnswer(np.zeros(6), reachable=False, note="nothing is known", known=False)
+    unknown = HoldAnswer(np.zeros(6), reachable=False, note="nothing is known", valid=False)
     return replace(result(unknown, time_s=time_s), converged=False)
 
 
@@ -461,9 +461,9 @@ async def test_no_set_point_above_the_specimen_reaches_a_valve(bench, pressure):
     bench.controller._valves = bench.valves = Lax()
     await bench.armed()
     with pytest.raises(LimitError):
-        bench.controller.want(np.full(6, pressure), 1.0, bench.now_ns)
+        bench.controller.request_setpoint(np.full(6, pressure), 1.0, bench.now_ns)
     with pytest.raises(LimitError):
-        bench.controller.want(np.zeros(5), 1.0, bench.now_ns)
+        bench.controller.request_setpoint(np.zeros(5), 1.0, bench.now_ns)
     assert bench.valves.pressures == (0.0,) * 6
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from softarm.analysis.diagnosis.intake import take_all_in, with_intakes, with_touches
+from softarm.analysis.diagnosis.intake import check_recordings, with_intakes, with_touches
 from softarm.estimator.diagnosis.events import EventErrors
 from softarm.estimator.diagnosis.result import Quantity
 from softarm.estimator.errors import InputError
@@ -78,7 +78,7 @@ def test_touches_that_the_model_shows_join_the_events_that_the_intake_saw_in_par
 
 def test_a_sensor_that_stands_still_in_several_recordings_is_one_finding():
     def stuck(run: str, since: float) -> Intake:
-        cure = "it is stuck and left out meanwhile"
+        cure = "it is stuck and left out for that time"
         fault = RecordingFault(run, "stuck", ("frame_tip",), "it stands still", cure, interval=(since, 40.0))
         return Intake(Recording(run, np.arange(5.0), {}), (fault,))
 
@@ -106,4 +106,4 @@ def test_a_recording_of_which_nothing_is_left_is_refused_with_what_was_found() -
         r"no reading of the motion is left .* every pressure reads one and the same number while frame_tip"
     )
     with pytest.raises(InputError, match=words):
-        take_all_in([replace(good, columns=columns)], [], arm.specimen())
+        check_recordings([replace(good, columns=columns)], [], arm.specimen())

@@ -9,7 +9,7 @@ from typing import cast
 import numpy as np
 import pytest
 
-from softarm.analysis.diagnosis.intake import take_all_in
+from softarm.analysis.diagnosis.intake import check_recordings
 from softarm.analysis.diagnosis.run import DiagnosisRequest, improved_specimen, loaded, run, sessions_of
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.common.shipped import fake_specimen
@@ -118,7 +118,7 @@ def test_a_chamber_that_nobody_recorded_is_said_and_no_finding() -> None:
     recording = small_arm.small_arm(seconds=15.0, parts=("bend",))
     columns = {name: values for name, values in recording.columns.items() if "_3_pa" not in name}
     said: list[str] = []
-    _, _, (intake,), notes = take_all_in(
+    _, _, (intake,), notes = check_recordings(
         [replace(recording, columns=columns)], [], small_arm.specimen(), said.append
     )
     assert len(said) == 1

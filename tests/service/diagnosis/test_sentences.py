@@ -54,7 +54,7 @@ def test_a_finding_without_a_name_does_not_show_in_the_readings_themselves():
     missing, known = unexplained().findings[0], explained().findings[0]
     made = replace(unexplained(), verdict="partly_explained", findings=(missing, known))
     words = sentences.verdict(made)
-    assert words.startswith("The model is missing physics that no known effect explains. What else is found")
+    assert words.startswith("The model is missing physics that no known effect explains. The other findings")
 
 
 def test_a_consistent_arm_may_have_a_sensor_that_stands_still():
@@ -62,7 +62,7 @@ def test_a_consistent_arm_may_have_a_sensor_that_stands_still():
     made = replace(consistent(), findings=(found,))
     words = sentences.verdict(made)
     assert words.startswith(
-        "The findings below show in the readings themselves. Beside them, no missing physics"
+        "The findings below show in the readings themselves. Apart from them, no missing physics"
     )
     line = sentences.finding_line(1, found, made)
     assert "what the sensor reads meanwhile is not used" in line
@@ -217,8 +217,8 @@ def test_bayes_factors_have_the_names_of_kass_and_raftery(log_bayes_factor, name
 
 def test_the_probability_of_what_has_no_name_is_not_one_of_a_place():
     (named,) = diagnosis().findings
-    nameless = replace(named, effect="unknown", probability=0.97)
-    assert sentences.evidence_sentence(nameless).endswith("no known effect explains it is 97 %.")
+    unnamed_physics = replace(named, effect="unknown", probability=0.97)
+    assert sentences.evidence_sentence(unnamed_physics).endswith("no known effect explains it is 97 %.")
     assert sentences.evidence_sentence(replace(named, probability=0.97)).endswith("it acts there is 97 %.")
 
 
@@ -229,7 +229,7 @@ def innovations(variance, correlation):
 
 def test_innovations_are_called_white_only_where_they_are():
     white = innovations({"a": 0.9, "b": 1.2}, {"a": 0.1, "b": -0.05})
-    assert sentences.noise(white).startswith("What is left is white noise of the learnt size")
+    assert sentences.noise(white).startswith("The residual is white noise of the estimated size")
     for other in (
         innovations({"a": 6.0}, {"a": 0.1}),
         innovations({"a": 1.0}, {"a": 0.9}),

@@ -58,7 +58,7 @@ def test_the_rod_answers_for_an_arm_that_was_lost_in_a_jump_until_the_finite_ele
                 result = solver(request)
                 assert result.converged
                 models.append(result.model)
-                solver._pursuit.wait()
+                solver._background_solver.wait()
             assert models[0] == "rod"
             assert models[-1] == "fem"
     finally:

@@ -191,7 +191,7 @@ async def test_gives_up_on_a_process_that_keeps_dying_and_logs_each_death(caplog
         await until(worker, lambda state: state.gave_up)
         assert worker.state.restarts == len(worker._deaths) == 3
         assert not worker.state.running
-    assert caplog.text.count("it starts again in") == 2
+    assert caplog.text.count("it is restarted in") == 2
     assert "it is not started again" in caplog.text
 
 

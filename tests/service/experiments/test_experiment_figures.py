@@ -15,9 +15,9 @@ from softarm.experiments.figures import error_figures, inside, with_paper, witho
 from softarm.experiments.holds import hold_windows, means
 from softarm.experiments.leave_one_out import without_each
 from softarm.experiments.live import HookPlace, with_hooks
-from softarm.experiments.live_tables import judge_taught
+from softarm.experiments.live_tables import evaluate_taught
 from softarm.experiments.paper import FORCE_N, TEACH_MM
-from softarm.experiments.pulls import GaugePull, at_looks, look_windows, pull_of, rested
+from softarm.experiments.pulls import GaugePull, averaged_over, pull_of, rest_windows, rested
 from softarm.experiments.recorded import holds_table
 from softarm.experiments.seed import SeedResult
 from softarm.experiments.subsets import subset
@@ -70,7 +70,7 @@ def hook(direction: tuple[float, float, float], reach: float = 0.3) -> dict[str,
 def test_holds_are_found_where_commands_rest() -> None:
     time = np.arange(0.0, 20.0, 1.0 / RATE)
     level = np.interp(time, [0, 5, 6, 11, 12, 20], [0, 0, 2e4, 2e4, 3e4, 3e4])
-    windows = hold_windows(recording(pressure_cmd_0_pa=level), shortest=3.0, look=0.5)
+    windows = hold_windows(recording(pressure_cmd_0_pa=level), shortest=3.0, window_s=0.5)
     np.testing.assert_allclose(windows[:, 1], [5.0, 11.0, 20.0], atol=0.05)
     np.testing.assert_allclose(windows[:, 1] - windows[:, 0], 0.5)
 
@@ -166,10 +166,10 @@ def test_looks_end_where_the_gauge_sets_off() -> None:
     columns = dict(told.columns)
     columns["marker_hook_x_m"] = 0.3 + np.interp(time, [0, 6, 7, 12, 13, 20], [0, 0, 0.01, 0.01, 0.02, 0.02])
     moved = Recording(told.name, told.time, columns, told.info)
-    windows = look_windows(moved)
+    windows = rest_windows(moved)
     np.testing.assert_allclose(windows[:, 1], [6.0, 12.0, 19.9], atol=0.25)
     specimen = load_specimen("sopra")
-    run = at_looks(arrange(moved, specimen, None, section_forces(specimen)), windows)
+    run = averaged_over(arrange(moved, specimen, None, section_forces(specimen)), windows)
     np.testing.assert_allclose(np.linalg.norm(run.loads, axis=1), 0.02 * run.time, atol=1e-3)
 
 
@@ -256,7 +256,7 @@ def test_what_the_service_said_of_poses_out_of_reach_is_reported() -> None:
         "limits": ["The pose can be reached.", "frame_tip misses by 3.8 mm."],
     }
     result = SeedResult(0)
-    judge_taught(load_specimen("sopra"), (replace(posed(), info=info),), result)
+    evaluate_taught(load_specimen("sopra"), (replace(posed(), info=info),), result)
     assert result.notes[-1] == "Of the poses, 2: frame_tip misses by 3.8 mm."
 
 
@@ -267,8 +267,8 @@ def test_poses_of_two_hands_are_joined() -> None:
     assert both.reachable == 2
     np.testing.assert_array_equal(both.millimetres, [[1.0, 5.0, 6.0]])
     np.testing.assert_array_equal(both.near, [True, False, True])
-    assert "3 poses of the hand that leads" in both.note("leads")
-    assert "0.5, 4.0, 0.3 mm away" in both.note("leads")
+    assert "3 poses with lateral hand motion" in both.note("lateral")
+    assert "0.5, 4.0, 0.3 mm away" in both.note("lateral")
 
 
 def test_a_pose_is_as_far_out_of_reach_as_its_section_is() -> None:

@@ -9,10 +9,10 @@ from softarm.common.tables import Table
 from softarm.experiments import live_tables
 from softarm.experiments.live import LiveRigSettings
 from softarm.experiments.live_runs import CORD_M, pull_steps
-from softarm.experiments.live_tables import Talk, run_live_arms
+from softarm.experiments.live_tables import ExperimentInteraction, run_live_arms
 from softarm.experiments.seed import SeedResult
 
-QUIET = Talk(lambda _: None, lambda _: None, lambda: None)
+QUIET = ExperimentInteraction(lambda _: None, lambda _: None, lambda: None)
 ROW = {"condition": "pressurised", "paper_mean_percent": 1.2, "aim_percent": 0.6}
 
 
@@ -21,7 +21,7 @@ def runs(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, int | None, str | N
     done = []
 
     def run_live(
-        name: str, settings: LiveRigSettings, seed: int, _: Talk
+        name: str, settings: LiveRigSettings, seed: int, _: ExperimentInteraction
     ) -> tuple[tuple[Table, ...], SeedResult]:
         done.append((name, settings.variant, settings.specimen and Path(settings.specimen).parent.name))
         result = SeedResult(seed)

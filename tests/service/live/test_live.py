@@ -41,7 +41,11 @@ NEAR_M = 0.008
 
 
 def test_loop_and_devices_run_before_other_programs_and_the_estimator_does_not(rig, client):
-    words = [sys.executable, "-c", "from softarm.common.real_time import run_first; run_first(); import os; "]
+    words = [
+        sys.executable,
+        "-c",
+        "from softarm.common.real_time import raise_priority; raise_priority(); import os; ",
+    ]
     words[-1] += "print(os.sched_getscheduler(0))"
     permitted = int(subprocess.run(words, capture_output=True, check=True).stdout)
     service = rig.service.process.pid

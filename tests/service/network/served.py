@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from softarm.daemon.config import SafetySettings
 from softarm.daemon.control.command_server import CommandServer
-from softarm.daemon.control.surroundings import Surroundings
+from softarm.daemon.control.dependencies import LoopDependencies
 from softarm.daemon.control.tick import Ticker
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
@@ -68,8 +68,8 @@ class ServedArm:
         safety = SafetySettings(lease_s=60.0)
         setup = replace(setup, config=setup.config.model_copy(update={"safety": safety}))
         with Bus(self._settings, "test", self.loop) as self.bus:
-            surroundings = Surroundings(self._instruments, standins.Estimator, self.bus, "", lambda: None)
-            control = ControlLoop(setup, surroundings)
+            dependencies = LoopDependencies(self._instruments, standins.Estimator, self.bus, "", lambda: None)
+            control = ControlLoop(setup, dependencies)
             self.controller = control.controller
             self.server = CommandServer(self.bus, control)
             self.bus.open({"config": b"{}"}, self.server.stop)

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from softarm.daemon.control.command_server import CommandServer
-from softarm.daemon.control.surroundings import Surroundings
+from softarm.daemon.control.dependencies import LoopDependencies
 from softarm.daemon.control.tick import Ticker
 from softarm.daemon.loop import ControlLoop
 from softarm.daemon.network.bus import Bus
@@ -66,8 +66,8 @@ class PageService:
     async def _serve(self):
         self._loop, self._stop, self._stepped = asyncio.get_running_loop(), asyncio.Event(), threading.Event()
         with Bus(NetworkSettings(listen=("tcp/127.0.0.1:0",)), "page", self._loop) as bus:
-            surroundings = Surroundings(Instruments, Estimator, bus, "", lambda: None)
-            self.control = ControlLoop(setup_in(self._folder), surroundings)
+            dependencies = LoopDependencies(Instruments, Estimator, bus, "", lambda: None)
+            self.control = ControlLoop(setup_in(self._folder), dependencies)
             specimen = SPECIMEN.model_dump_json(by_alias=True).encode()
             server = CommandServer(bus, self.control)
             bus.open({"specimen": specimen, "surface": None}, server.stop)

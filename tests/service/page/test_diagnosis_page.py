@@ -8,7 +8,7 @@ from click.testing import CliRunner
 
 pytest.importorskip("viser", reason="viser is not installed: softarm[page]")
 
-from softarm.analysis.diagnosis.done import write_report
+from softarm.analysis.diagnosis.digest import write_report
 from softarm.analysis.diagnosis.motion import load_motions, motion_file, specimen_file, write_motions
 from softarm.analysis.diagnosis.report import report_of
 from softarm.cli.page import command

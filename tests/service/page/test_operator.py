@@ -1,10 +1,10 @@
 import pytest
 
-from softarm.page.operator import GRACE_S, Operator, short_of
+from softarm.page.operator import GRACE_S, Operator, unreachable_note
 from softarm_client.commands import Refused
 from softarm_client.errors import CommandRefusedError
 from softarm_client.modes import Mode
-from softarm_client.results import Asked, Hold, Pose, Saved
+from softarm_client.results import AppliedSetpoint, Hold, Pose, Saved
 
 PRESSURES = (0.0,) * 6
 POSES = {
@@ -30,7 +30,7 @@ class Client:
 
     def _answer(self, verb, mode):
         self.sent.append(verb)
-        return Asked(mode=mode, asked_pa=PRESSURES)
+        return AppliedSetpoint(mode=mode, asked_pa=PRESSURES)
 
     def _held(self, verb, name):
         self.sent.append(verb)
@@ -81,36 +81,36 @@ def test_dead_man_arms_then_teaches_and_ends_with_its_grace(desk):
     desk.operator.press()
     desk.operator.press()
     assert desk.client.sent == ["arm", "teach/start"]
-    assert desk.operator.wanted
+    assert desk.operator.needs_lease
     desk.now += GRACE_S + 0.1
-    assert not desk.operator.wanted
+    assert not desk.operator.needs_lease
 
 
 def test_held_pose_lives_as_long_as_a_browser_shows_it(desk):
     desk.operator.press()
     desk.operator.hold_pose()
     desk.now += 60.0
-    assert desk.operator.wanted
+    assert desk.operator.needs_lease
     desk.browsers = 0
-    assert not desk.operator.wanted
+    assert not desk.operator.needs_lease
 
 
 @pytest.mark.parametrize("end", ["release", "disarm", "stop"])
 def test_letting_go_and_stopping_end_the_hold(desk, end):
     desk.operator.hold_pose()
     getattr(desk.operator, end)()
-    assert not desk.operator.wanted
+    assert not desk.operator.needs_lease
 
 
 def test_saved_pose_is_gone_to_from_idle(desk):
     desk.operator.go_to("a")
     assert desk.client.sent == ["arm", "teach/goto"]
-    assert desk.operator.wanted
+    assert desk.operator.needs_lease
 
 
 def test_poses_out_of_reach_are_told_with_the_reason(desk):
     poses = desk.operator.poses()
-    assert [short_of(poses[name]) for name in "ab"] == ["", "12 mm short"]
+    assert [unreachable_note(poses[name]) for name in "ab"] == ["", "12 mm short"]
     desk.operator.go_to("b")
     assert desk.told[-1] == "the arm is HOLDING; 12 mm short"
 

@@ -119,7 +119,7 @@ def test_faults_stand_above_warnings_and_the_mode_is_explained():
 def test_every_mode_is_explained():
     from softarm_client.modes import Mode
 
-    assert set(readings.IN_WORDS) == set(Mode)
+    assert set(readings.MODE_DESCRIPTIONS) == set(Mode)
 
 
 def test_forces_are_newtons_with_their_deviation_poses_millimetres_and_degrees():

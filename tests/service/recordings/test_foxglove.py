@@ -61,7 +61,7 @@ def path(tmp_path_factory):
         readings = {"valves": (1e4, np.nan), "pose": (*TIP, *UPRIGHT), "qtm/base": (0.0, 0.0, 0.0, *UPRIGHT)}
         readings |= {"bend": (0.1, 0.2), "gauge": (np.nan if tick % 2 else 0.3,)}
         for device, values in readings.items():
-            streams.take(channel_reading(device, values, now[0], "fake"))
+            streams.record_reading(channel_reading(device, values, now[0], "fake"))
         streams.commanded((1e4, 0.0), now[0])
         streams.estimated(estimate_columns(ESTIMATE, SECTIONS), now[0] * 1e-9)
         if streams.shape_wanted:

@@ -191,7 +191,7 @@ def test_a_conversion_to_mcap_keeps_every_message_as_it_is(tmp_path: Path, *, cu
 
 @pytest.mark.parametrize("number", [0.0, -9999.0])
 @pytest.mark.parametrize("suffix", [".csv", ".mcap"])
-def test_values_that_an_intake_mends_are_refused_only_without_one(
+def test_values_that_an_intake_corrects_are_refused_only_without_one(
     tmp_path: Path, suffix: str, number: float
 ) -> None:
     time = 0.05 * np.arange(100)

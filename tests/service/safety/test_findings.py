@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from softarm.daemon.safety.checks import (
     ALL_CHECKS,
     FAILURES_ALLOWED,
-    FOLLOWING_THE_POSE,
-    STEERING_BY_THE_ESTIMATE,
+    MODES_USING_THE_ESTIMATE,
+    MODES_USING_THE_POSE,
 )
 from softarm.daemon.safety.diagnostics import HealthMonitor
 from softarm.daemon.safety.modes import PRESSURISED, Mode
@@ -56,13 +56,13 @@ def test_lost_valves_fault_every_pressurised_mode_and_no_other(mode):
 @given(st.sampled_from(Mode))
 def test_needed_sensor_faults_the_modes_that_follow_the_pose(mode):
     found = faults(replace(HEALTHY, mode=mode, inputs=STALE_TIP))
-    assert found == ({"stale_sensor"} if mode in FOLLOWING_THE_POSE else set())
+    assert found == ({"stale_sensor"} if mode in MODES_USING_THE_POSE else set())
 
 
 @given(st.sampled_from(Mode))
 def test_dead_estimator_faults_the_modes_that_follow_the_pose(mode):
     found = faults(replace(HEALTHY, mode=mode, estimator=DEAD_ESTIMATOR))
-    assert found == ({"estimator_failed"} if mode in FOLLOWING_THE_POSE else set())
+    assert found == ({"estimator_failed"} if mode in MODES_USING_THE_POSE else set())
 
 
 @given(st.sampled_from(Mode))
@@ -87,10 +87,10 @@ def test_finding_keeps_its_beginning_and_clears_itself():
     assert cleared == ()
     older = replace(lost, valves=replace(LOST_VALVES, age_s=2.0))
     assert book.update(older, now_ns=10, unix_ns=6) == ((), ())
-    assert [s.since_unix_ns for s in book.standing] == [5]
+    assert [s.since_unix_ns for s in book.active] == [5]
     assert book.update(HEALTHY, now_ns=20, unix_ns=7) == ((), ())
     new, cleared = book.update(HEALTHY, now_ns=111, unix_ns=8)
-    assert (new, [f.code for f in cleared], book.standing) == ((), ["valves_lost"], ())
+    assert (new, [f.code for f in cleared], book.active) == ((), ["valves_lost"], ())
 
 
 @given(st.lists(st.booleans(), min_size=100, max_size=300))
@@ -111,7 +111,7 @@ def test_fault_acts_at_once_and_does_not_linger():
     assert [f.code for f in book.present_faults] == ["stale_sensor"]
     book.update(replace(HEALTHY, mode=Mode.TEACH), 10_000_000, 1)
     assert book.present_faults == ()
-    assert [s.finding.code for s in book.standing] == ["stale_sensor"]
+    assert [s.finding.code for s in book.active] == ["stale_sensor"]
 
 
 NOTHING_YET = replace(
@@ -216,7 +216,7 @@ def test_an_estimator_that_cannot_be_relied_on_is_named_with_its_cause(estimator
     (finding,) = found
     assert words in finding.message
     assert hint in finding.hint
-    steered = STEERING_BY_THE_ESTIMATE if estimator.failures else FOLLOWING_THE_POSE
+    steered = MODES_USING_THE_ESTIMATE if estimator.failures else MODES_USING_THE_POSE
     assert finding.severity == ("fault" if mode in steered else "warning")
 
 

@@ -13,7 +13,7 @@ from softarm.estimator.specimen import Specimen, load_specimen, save_specimen
 from softarm.fakes.devices import DeviceSurroundings, build_node
 from softarm.fakes.faults import FaultBoard
 from softarm.fakes.parts import ValvesPart
-from softarm.fakes.placement import placed, playing
+from softarm.fakes.placement import with_placed_instruments, with_specimen
 from softarm.fakes.plant.__main__ import main
 from softarm.fakes.plant.arm import FakeArm
 from softarm.fakes.plant.from_specimen import arm_of
@@ -101,14 +101,14 @@ def test_a_run_is_recorded_with_the_chambers_and_sections_of_the_specimen(tmp_pa
 
 def test_the_instruments_of_a_scenario_move_to_the_arm_of_a_specimen(tmp_path: Path) -> None:
     save_specimen(three_chambers(), tmp_path / "tri.toml")
-    scenario = playing(read_scenario("bench"), str(tmp_path / "tri.toml"))
+    scenario = with_specimen(read_scenario("bench"), str(tmp_path / "tri.toml"))
     arm = FakeArm(replace(arm_of(three_chambers(), 0).arm, step=4e-3))
-    devices = {device.name: device for device in placed(scenario, arm).device}
+    devices = {device.name: device for device in with_placed_instruments(scenario, arm).device}
     assert devices["valves"].valve_map == (0, 1, 2)
     assert [body.section for body in devices["qtm"].bodies] == ["base", "tip"]
     assert devices["bend"].sensors == ("upper",)
     assert scenario.cord is None
-    assert playing(read_scenario("bench"), "sopra") == read_scenario("bench")
+    assert with_specimen(read_scenario("bench"), "sopra") == read_scenario("bench")
 
 
 def test_a_device_that_says_where_it_is_stays_there() -> None:

@@ -54,7 +54,7 @@ def absent_sensor(line: bytes) -> BendStatus | None:
 def parse_line(line: bytes, sensors: int = 3) -> BendLine | BendStatus | FrameFault:
     """Decode one line, without its end."""
     if not line.isascii() or not (text := line.decode("ascii").strip()).isprintable():
-        return FrameFault("text", f"bytes that are no text: {line[:40]!r}")
+        return FrameFault("text", f"bytes that are not text: {line[:40]!r}")
     fields = [part.strip() for part in text.split(",")]
     if len(fields) == 1 and re.search(r"[A-Za-z]{3}", text) and text.lower() not in ("nan", "inf", "ovf"):
         absent = _ABSENT.search(text)
@@ -62,7 +62,7 @@ def parse_line(line: bytes, sensors: int = 3) -> BendLine | BendStatus | FrameFa
     if len(fields) != 2 * sensors:
         return FrameFault("fields", f"{len(fields)} values in a line, {2 * sensors} expected: {text[:60]!r}")
     if not all(_ANGLE.fullmatch(part) for part in fields):
-        return FrameFault("value", f"a value that is no angle: {text[:60]!r}")
+        return FrameFault("value", f"a value that is not an angle: {text[:60]!r}")
     angles = tuple(float(part) for part in fields)
     if max(map(abs, angles)) > _LIMIT_DEG:
         return FrameFault("range", f"an angle beyond {_LIMIT_DEG:.0f} degrees: {text[:60]!r}")

@@ -92,7 +92,7 @@ class BendSensors(SerialDevice[BendLine | BendStatus, BendAngles]):
         self._talked = False
         self._absent.clear()
 
-    def take(self, frame: BendLine | BendStatus, arrival_ns: int) -> None:
+    def handle_frame(self, frame: BendLine | BendStatus, arrival_ns: int) -> None:
         """Publish a line of angles; follow a line of text."""
         if isinstance(frame, BendStatus):
             self._on_status(frame)

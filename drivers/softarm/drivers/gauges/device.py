@@ -103,7 +103,7 @@ class ForceGauge(SerialDevice[FrameT, GaugeForce]):
 class StreamingGauge(ForceGauge[GaugeSample]):
     """A gauge that sends readings of its own accord."""
 
-    def take(self, frame: GaugeSample, arrival_ns: int) -> None:
+    def handle_frame(self, frame: GaugeSample, arrival_ns: int) -> None:
         """Publish the main display; others are counted."""
         if frame.display != 1:
             self.health.rejected += 1

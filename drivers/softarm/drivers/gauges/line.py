@@ -28,7 +28,7 @@ def line_gauge_codec(separator: str | None = None, column: int = 0) -> LineCodec
 def parse_line(line: bytes, separator: str | None = None, column: int = 0) -> GaugeSample | FrameFault:
     """Return the reading in one line, without its end."""
     if not line.isascii():
-        return FrameFault("text", f"bytes that are no text: {line[:40]!r}")
+        return FrameFault("text", f"bytes that are not text: {line[:40]!r}")
     text = line.decode("ascii").strip()
     balance = _BALANCE.fullmatch(text)
     if balance:
@@ -56,6 +56,6 @@ def _number(text: str, stable: bool | None) -> GaugeSample | FrameFault:
     sign, whole, fraction, unit = match.groups()
     key = unit_named(unit) if unit else None
     if unit and key is None:
-        return FrameFault("unit", f"unit {unit!r} is none that a force gauge shows")
+        return FrameFault("unit", f"unit {unit!r} is not a unit of force gauges")
     value = float(f"{whole}.{fraction or 0}")
     return GaugeSample(-value if sign == "-" else value, key, len(fraction or ""), stable=stable)

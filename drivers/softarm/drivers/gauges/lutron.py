@@ -27,9 +27,9 @@ class LutronRule:
         if frame[1] != 0x34 or frame[15] != _END or display not in (1, 2):
             return FrameFault("framing", f"not a Lutron frame: {frame.hex(' ')}")
         if polarity not in (0, 1) or decimals not in (0, 1, 2, 3) or not digits.isdigit():
-            return FrameFault("digits", f"a character that no Lutron reading has: {frame.hex(' ')}")
+            return FrameFault("digits", f"unexpected character in a Lutron reading: {frame.hex(' ')}")
         if unit not in _UNITS:
-            return FrameFault("unit", f"unit code {unit!r} is none of kg, lb, g, oz, N")
+            return FrameFault("unit", f"unit code {unit!r} is not one of kg, lb, g, oz, N")
         value = int(digits) / 10**decimals
         signed = -value if polarity else value
         # The reading fills the eight digits from the right: leading zeros are those that the display lacks.

@@ -83,6 +83,6 @@ def parse_reply(line: bytes) -> Mark10Reply | FrameFault:
     sign, whole, fraction, unit = match.groups()
     key = unit_named(unit.decode("ascii")) if unit else None
     if unit and key is None:
-        return FrameFault("unit", f"unit {unit!r} is none that a force gauge shows")
+        return FrameFault("unit", f"unit {unit!r} is not a unit of force gauges")
     value = float(whole + b"." + (fraction or b"0"))
     return GaugeSample(-value if sign == b"-" else value, key, len(fraction or b""))

@@ -129,7 +129,7 @@ class Mark10Gauge(PolledGauge[Mark10Reply]):
             await self._check_settings(link)
         return isinstance(await self.ask(link, mark10.READ), GaugeSample)
 
-    def take(self, frame: Mark10Reply, arrival_ns: int) -> None:
+    def handle_frame(self, frame: Mark10Reply, arrival_ns: int) -> None:
         """Publish a reading, which may also come unrequested; keep settings; count errors."""
         if isinstance(frame, GaugeSample):
             self._publish(frame, arrival_ns)
@@ -194,7 +194,7 @@ class SauterGauge(PolledGauge[GaugeSample]):
         loop = asyncio.get_running_loop()
         self._timer = loop.call_later(self._silence_s, self._silence, arrival_ns)
 
-    def take(self, frame: GaugeSample, arrival_ns: int) -> None:
+    def handle_frame(self, frame: GaugeSample, arrival_ns: int) -> None:
         """Publish the answer."""
         self.publish(frame, arrival_ns)
         self.answered(frame)

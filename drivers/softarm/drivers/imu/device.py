@@ -81,7 +81,7 @@ class Imu(SerialDevice[FrameT, ImuSample], Generic[FrameT]):
         if self._index is not None:
             self._index.restart()
 
-    def take(self, frame: Any, arrival_ns: int) -> None:
+    def handle_frame(self, frame: Any, arrival_ns: int) -> None:
         """Publish a sample of the configured sensor."""
         if not isinstance(frame, ImuSample) or frame.unit != self._unit:
             self.health.events["other frames"] += 1
@@ -167,14 +167,14 @@ class XbusImu(Imu[ImuSample | XbusMessage]):
             sample, host_ns=arrival_ns, device_time_ns=round(time_s * NANOSECONDS), sequence=sequence
         )
 
-    def take(self, frame: Any, arrival_ns: int) -> None:
+    def handle_frame(self, frame: Any, arrival_ns: int) -> None:
         """Publish a sample; follow errors and restarts."""
         if isinstance(frame, XbusMessage):
             self.health.rejected += frame.message_id == xbus.ERROR
             if frame.message_id == xbus.WAKE_UP:
                 self.restarted()
                 self.begin_epoch()
-        super().take(frame, arrival_ns)
+        super().handle_frame(frame, arrival_ns)
 
 
 class _UnwrappedTime:

@@ -48,7 +48,7 @@ class WitConfig(ImuConfig):
     def _fits(self) -> "WitConfig":
         if self.rate_hz not in witmotion.RATES:
             offered = ", ".join(f"{rate:g}" for rate in witmotion.RATES)
-            raise ValueError(f"rate_hz {self.rate_hz:g} is none of {offered}")
+            raise ValueError(f"rate_hz {self.rate_hz:g} is not one of {offered}")
         # A unit whose line is too slow lowers its rate by itself, without notice.
         bits = self.rate_hz * len(self.frames) * _BITS_PER_FRAME
         if bits > 0.85 * self.baud:

@@ -46,7 +46,7 @@ def parse_parameters(text: str) -> Parameters | FrameFault:
     try:
         root = ET.fromstring(text)
     except (ET.ParseError, ValueError) as error:
-        return FrameFault("xml", f"settings that are no XML: {error}")
+        return FrameFault("xml", f"settings are not valid XML: {error}")
     if not root.tag.startswith("QTM_Parameters_Ver"):
         return FrameFault("xml", f"settings in an element {root.tag[:40]!r}")
     section = root.find("The_6D")
@@ -54,7 +54,7 @@ def parse_parameters(text: str) -> Parameters | FrameFault:
     names = tuple(_text(body.find("Name")) for body in bodies)
     twice = sorted({name for name in names if names.count(name) > 1 or not name})
     if twice:
-        return FrameFault("names", f"bodies without a name of their own: {', '.join(map(repr, twice))}")
+        return FrameFault("names", f"bodies with the same name: {', '.join(map(repr, twice))}")
     enabled = tuple(name for name, body in zip(names, bodies, strict=True) if _enabled(body))
     return Parameters(names, enabled, _euler(root), _frequency(root))
 

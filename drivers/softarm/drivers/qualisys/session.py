@@ -163,7 +163,7 @@ class QtmSession:
             self._check_angles(parameters)
             self._publisher.learn_names(parameters)
             self._health.facts["bodies"] = ", ".join(parameters.bodies)
-            self._health.events["names read"] += 1
+            self._health.events["body names read"] += 1
             self._health.alarms.clear(NAMES)
 
     def _no_names(self, why: str) -> None:

@@ -15,7 +15,7 @@ DIAGNOSIS = " diagnosis"
 
 def reports_fault(alarms: Alarms) -> bool:
     """Return whether the diagnosis of a valve is not clean."""
-    return any(alarm.key.endswith(DIAGNOSIS) for alarm in alarms.standing)
+    return any(alarm.key.endswith(DIAGNOSIS) for alarm in alarms.active)
 
 
 class ValveAlarms:

@@ -94,7 +94,7 @@ class ValveBank(Device):
             what = "is not connected" if error is None else f"is not connected: {error.what}"
             cure = "wait until it answers" if error is None else error.cure
             raise InterlockError(self.name, what, cure)
-        for alarm in self.health.alarms.standing:
+        for alarm in self.health.alarms.active:
             if alarm.key in BLOCKING:
                 raise InterlockError(self.name, f"cannot be armed: {alarm.what}", alarm.cure)
         self._outputs.arm()

@@ -19,7 +19,7 @@ from softarm.drivers.valves.watchdog import WatchdogState, read_watchdog, set_wa
 MODULE_WORDS = 3
 
 
-async def look(terminal: Terminal, device: str, health: Health) -> tuple[int, ...] | None:
+async def identify_terminal(terminal: Terminal, device: str, health: Health) -> tuple[int, ...] | None:
     """Read what there is to read; nothing is written.
 
     Returns:
@@ -41,7 +41,7 @@ async def look(terminal: Terminal, device: str, health: Health) -> tuple[int, ..
     return standing
 
 
-async def guard(
+async def prepare_terminal(
     terminal: Terminal, device: str, health: Health, clock: Clock, watchdog_ms: int
 ) -> WatchdogState:
     """Write zeros, start regulation where it needs that, and set the watchdog.
@@ -60,7 +60,7 @@ async def guard(
     return state
 
 
-async def look_at_watchdog(terminal: Terminal, health: Health) -> WatchdogState:
+async def report_watchdog(terminal: Terminal, health: Health) -> WatchdogState:
     """Read the watchdog without setting it."""
     state = await read_watchdog(terminal.link)
     health.facts["watchdog"] = state.fact

@@ -9,7 +9,7 @@ from softarm.drivers.stream import ReadingStream
 from softarm.drivers.valves.alarms import ValveAlarms
 from softarm.drivers.valves.config import ValveConfig
 from softarm.drivers.valves.echo import EchoMonitor, Verdict
-from softarm.drivers.valves.identify import guard, look, look_at_watchdog
+from softarm.drivers.valves.identify import identify_terminal, prepare_terminal, report_watchdog
 from softarm.drivers.valves.link import ModbusExceptionError, NoAnswer
 from softarm.drivers.valves.outputs import Outputs
 from softarm.drivers.valves.pressures import BankReading, Pressures
@@ -94,16 +94,16 @@ class BankSession:
             raise ConnectionLost(self._device, refusal.what, "wait, or restart the terminal") from refusal
 
     async def _prepare(self) -> None:
-        standing = await look(self._terminal, self._device, self._health)
+        standing = await identify_terminal(self._terminal, self._device, self._health)
         if self._observe:
-            self._watchdog = await look_at_watchdog(self._terminal, self._health)
+            self._watchdog = await report_watchdog(self._terminal, self._health)
             return
         self._wrote = True  # before the first write: one that fails half-way must be vented by `close` too
         if standing is not None:
             # What an earlier host left may still show in the first echoes; it is no foreign writer.
             self._echo.attempted(standing, self._clock())
         self._echo.attempted(self._zeros, self._clock())
-        self._watchdog = await guard(
+        self._watchdog = await prepare_terminal(
             self._terminal, self._device, self._health, self._clock, self._config.watchdog_ms
         )
 
@@ -221,7 +221,7 @@ class BankSession:
         """
         limit = self._config.watchdog_ms
         if not self._observe and self._clock() - self._taken_ns > limit * NANOSECONDS // 1000:
-            what = f"takes no set-point: {refusal.what}"
+            what = f"accepts no set-point: {refusal.what}"
             raise ConnectionLost(self._device, what, "restart the terminal", limit=limit, unit="ms")
 
     def _miss(self, error: DeviceError) -> None:
@@ -229,7 +229,7 @@ class BankSession:
         self._misses += 1
         self._alarms.outputs(self._unknown)
         if self._misses >= self._config.lost_after_misses:
-            what = f"left {self._misses} requests in a row without a usable answer, the last: {error.what}"
+            what = f"gave no usable answer to {self._misses} requests in a row; the last error: {error.what}"
             raise ConnectionLost(self._device, what, error.cure) from error
 
     def _publish(self, sample: TimedInputs) -> None:

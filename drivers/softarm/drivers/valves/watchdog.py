@@ -59,7 +59,7 @@ async def set_watchdog(link: RegisterLink, device: str, wanted_ms: int) -> Watch
     state = await read_watchdog(link)
     # Zero never fires. The terminal may keep another value than was written; a shorter one is safe.
     if state.milliseconds is None or not 0 < state.milliseconds <= wanted_ms:
-        what = "terminal keeps another watchdog than was set"
+        what = "the terminal has a watchdog time other than the one set"
         cure = f"set watchdog_ms to {state.milliseconds}, or the terminal's time-out by hand"
         raise ConfigurationError(device, what, cure, value=state.milliseconds, limit=wanted_ms, unit="ms")
     return state

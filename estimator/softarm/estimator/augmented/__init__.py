@@ -1,6 +1,6 @@
 """Estimation with a model that contains accepted physics."""
 
-from softarm.estimator.augmented.estimator import AugmentedEstimator, Follower, estimator_of
-from softarm.estimator.augmented.model import ShapedModel, Spread
+from softarm.estimator.augmented.estimator import AugmentedEstimator, TrackingEstimator, estimator_of
+from softarm.estimator.augmented.model import AugmentedModel, LoadDistribution
 
-__all__ = ["AugmentedEstimator", "Follower", "ShapedModel", "Spread", "estimator_of"]
+__all__ = ["AugmentedEstimator", "AugmentedModel", "LoadDistribution", "TrackingEstimator", "estimator_of"]

@@ -12,7 +12,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.augmented.model import ShapedModel, ShapedStep, Spread
+from softarm.estimator.augmented.model import AugmentedModel, AugmentedStep, LoadDistribution
 from softarm.estimator.effects.accepted import accepted_physics
 from softarm.estimator.effects.effect import Memory
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
@@ -26,10 +26,10 @@ from softarm.estimator.effects.simulate import (
 from softarm.estimator.effects.world import World
 from softarm.estimator.inverse import ArmEstimate, Estimator, TrackerSettings
 from softarm.estimator.model import ArmModel, Frames, Inputs, Linearisation, Load
-from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp, from_quaternions, to_quaternions
 from softarm.estimator.sensing import SensorSuite
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.simulation import Drive, RespondingArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import bounded_inverse
 from softarm.estimator.specimen import Specimen
@@ -38,13 +38,13 @@ from softarm.estimator.stretch import stretched
 State = TypeVar("State")
 Step = TypeVar("Step", bound=Linearisation)
 
-UNSHAPING = 8
+INVERSION_PASSES = 8
 """Passes of the search for the pressures behind those that act: enough where an effect halves them."""
-ALONG = 20
+REGISTRATION_SAMPLES = 20
 """Samples of a recording from which the mean rotation of its base is computed."""
 
 
-class Follower(Protocol[State]):
+class TrackingEstimator(Protocol[State]):
     """What follows an arm through time: the plain estimator or the one with physics."""
 
     def reset(self) -> None:
@@ -69,9 +69,9 @@ def estimator_of(
     settings: TrackerSettings,
     *,
     pressures_measured: bool,
-    guide: ArmModel[Any, Any] | None = None,
+    fast_model: ArmModel[Any, Any] | None = None,
     recorded: tuple[Floats, Floats] | None = None,
-) -> Follower[State]:
+) -> TrackingEstimator[State]:
     """Make the estimator of a specimen, with its physics where it has any.
 
     Args:
@@ -81,7 +81,7 @@ def estimator_of(
         suite: The sensors.
         settings: What the estimator assumes.
         pressures_measured: Whether pressures are readings at the arm, not set-points.
-        guide: A fast model with ``loads``, at whose answer the search starts where there are no physics.
+        fast_model: A fast model with ``loads``, at whose answer the search starts where there are no physics.
         recorded: Times [s], shape (samples,), and measured pressures [Pa], shape (samples, chambers), of the
             recording by whose base the sensors were registered, where they were.
 
@@ -89,26 +89,26 @@ def estimator_of(
         InputError: The model's loads are others, or an effect does not fit the arm.
     """
     if not specimen.physics:
-        return Estimator(stretched(model, specimen), suite, settings, guide)
+        return Estimator(stretched(model, specimen), suite, settings, fast_model)
     start = Inputs(np.zeros(model.chambers), np.zeros(len(model.loads)), np.zeros(3))
     rest = model.linearise(model.rest(), start).frames
     segments = Segments.of(specimen, model.sections, rest)
     followed = stretched(model, specimen)
-    arm = SimulatedArm(NodeByNode(followed), segments)
+    arm = SimulatedArm(SequentialBatchModel(followed), segments)
     names = tuple(sensor.name for sensor in suite.measurements)
     stiffness, actuation = arm.stiffness(), settings.actuation
     world = World.of(specimen, segments, model.sections, stiffness, names, pressures_measured, actuation)
     effects = accepted_physics(specimen, world)
     if recorded is not None:
-        time, pressures = _some(*recorded)
+        time, pressures = _evenly_spread(*recorded)
         gravity = np.array(specimen.gravity_m_s2)
         acting = actuation.to_chamber(pressures)
         drive = Drive.of(time, acting, gravity, len(model.sections), segments.count)
-        suite = registered_again(suite, arm, world, effects, drive)
+        suite = registration_corrected(suite, arm, world, effects, drive)
     return AugmentedEstimator(followed, segments, tuple(loads), world, effects, suite, settings)
 
 
-def registered_again(
+def registration_corrected(
     suite: SensorSuite, arm: RespondingArm, world: World, effects: Sequence[PlacedEffect], drive: Drive
 ) -> SensorSuite:
     """Register the laboratory by the base at rest, where the recorded base had rotated."""
@@ -118,10 +118,12 @@ def registered_again(
     return suite.moved(np.concatenate([np.zeros(3), recorded_rotation(rotations, effects)]))
 
 
-def _some(time: Floats, pressures: Floats) -> tuple[Floats, Floats]:
-    """Keep about ``ALONG`` samples with all pressures, evenly spread."""
+def _evenly_spread(time: Floats, pressures: Floats) -> tuple[Floats, Floats]:
+    """Keep about ``REGISTRATION_SAMPLES`` samples with all pressures, evenly spread."""
     whole = np.flatnonzero(np.isfinite(pressures).all(axis=1))
-    chosen = whole[np.unique(np.linspace(0, len(whole) - 1, min(ALONG, len(whole))).astype(int))]
+    chosen = whole[
+        np.unique(np.linspace(0, len(whole) - 1, min(REGISTRATION_SAMPLES, len(whole))).astype(int))
+    ]
     return time[chosen], pressures[chosen]
 
 
@@ -150,9 +152,9 @@ class AugmentedEstimator(Generic[State, Step]):
         self._world, self._effects = world, effects
         self._rest = world.stiffness
         self._suite, self._settings = suite, settings
-        self._spread = Spread(loads, model.sections)
-        self._estimator: Estimator[State, ShapedStep[State, Step]] = Estimator(
-            self._shaped(np.zeros(6 * len(model.sections)), np.eye(3)), suite, settings
+        self._distribution = LoadDistribution(loads, model.sections)
+        self._estimator: Estimator[State, AugmentedStep[State, Step]] = Estimator(
+            self._augmented_model(np.zeros(6 * len(model.sections)), np.eye(3)), suite, settings
         )
         self.reset()
 
@@ -178,15 +180,18 @@ class AugmentedEstimator(Generic[State, Step]):
         shaped = replace(shaped, wrenches=shaped.wrenches - self._pull)
         self._couples, self._base_rotation = shaped.couples, exp(shaped.base_rotation[0])
         inner = self._segments.wrenches(self._in_base_frame(last.frames), shaped.couples)
-        self._estimator.follow(self._shaped((shaped.wrenches + inner).ravel(), self._base_rotation))
+        self._estimator.follow(self._augmented_model((shaped.wrenches + inner).ravel(), self._base_rotation))
         measured = self._settings.actuation.to_measured(shaped.pressures[0])
         estimate = self._estimator.update(
-            time, self._undone(readings, shaped, last), np.where(lost, np.nan, measured), shaped.gravity[0]
+            time,
+            self._without_sensor_effects(readings, shaped, last),
+            np.where(lost, np.nan, measured),
+            shaped.gravity[0],
         )
         if np.isfinite(estimate.vector).all() and estimate.status != "diverged":
             self._last = self._response(estimate.frames)
-            self._pull = (self._spread.matrix @ estimate.inputs.loads).reshape(self._pull.shape)
-            self._bend(shaped, estimate)
+            self._pull = (self._distribution.matrix @ estimate.inputs.loads).reshape(self._pull.shape)
+            self._update_stiffness(shaped, estimate)
         return estimate
 
     def suite_at(self, pressures: Floats) -> SensorSuite:
@@ -194,27 +199,27 @@ class AugmentedEstimator(Generic[State, Step]):
         return self._estimator.suite_at(pressures)
 
     @property
-    def model(self) -> ArmModel[State, ShapedStep[State, Step]]:
+    def model(self) -> ArmModel[State, AugmentedStep[State, Step]]:
         """The model under what the effects did at the last instant; its loads are the unknown ones."""
         return self._estimator.model
 
-    def unshaped(self, pressures: Floats) -> Floats:
+    def pressures_before_effects(self, pressures: Floats) -> Floats:
         """Return the pressures that the effects in the end change into given ones [Pa], shape (chambers,).
 
         They are as measured, but for the sensors' gains; none is below zero.
         """
         commanded = np.maximum(pressures, 0.0)
-        for _ in range(UNSHAPING):
+        for _ in range(INVERSION_PASSES):
             drive = self._drive(0.0, commanded, np.zeros(3))
             acting = standing_pressures(self._effects, self._world, drive)[0]
             commanded = np.maximum(commanded + pressures - acting, 0.0)
         return commanded
 
-    def _bend(self, drive: Drive, estimate: ArmEstimate[State]) -> None:
+    def _update_stiffness(self, drive: Drive, estimate: ArmEstimate[State]) -> None:
         """Set the stiffness of the segments to that in an estimate's pose; the couples keep their strains."""
         if not any(placed.field == "eigenstrains" for placed in self._effects):
             return
-        shaped = self._shaped(drive.wrenches.ravel(), self._base_rotation)
+        shaped = self._augmented_model(drive.wrenches.ravel(), self._base_rotation)
         step = self._arm_model.linearise(estimate.state, shaped.inner_inputs(estimate.inputs))
         rows = self._segments.rows(step.frames)
         _, motion = step.response(rows.reshape(-1, rows.shape[-1]))
@@ -224,8 +229,8 @@ class AugmentedEstimator(Generic[State, Step]):
         self._world = replace(self._world, stiffness=bounded_inverse(compliance, self._rest)[None])
         self._couples = self._world.couples(strains)
 
-    def _shaped(self, wrenches: Floats, base_rotation: Floats) -> ShapedModel[State, Step]:
-        return ShapedModel(self._arm_model, self._spread, wrenches, base_rotation)
+    def _augmented_model(self, wrenches: Floats, base_rotation: Floats) -> AugmentedModel[State, Step]:
+        return AugmentedModel(self._arm_model, self._distribution, wrenches, base_rotation)
 
     def _drive(self, time: float, acting: Floats, gravity: Floats) -> Drive:
         sections, segments = len(self._arm_model.sections), self._segments.count
@@ -249,7 +254,7 @@ class AugmentedEstimator(Generic[State, Step]):
         strains = self._segments.strains(self._in_base_frame(one))
         return ArmResponse(one, np.ones(1, dtype=bool), strains=strains)
 
-    def _undone(self, readings: Floats, drive: Drive, last: ArmResponse) -> Floats:
+    def _without_sensor_effects(self, readings: Floats, drive: Drive, last: ArmResponse) -> Floats:
         """Remove the effects of the sensors from the readings, as far as the last estimate shows them."""
         sensing = [k for k, placed in enumerate(self._effects) if not placed.field]
         if not sensing:
@@ -264,12 +269,14 @@ class AugmentedEstimator(Generic[State, Step]):
                     signals = signals_of(drive, self._world, last)
                     changed, memories[k] = placed.misread(signals, sensor, plain, self._memories[k])
                     lost = placed.effect.hides_reading
-                    clean[part] = np.nan if lost else undo(clean[part], plain[0], changed[0])
+                    clean[part] = (
+                        np.nan if lost else subtract_sensor_effect(clean[part], plain[0], changed[0])
+                    )
         self._memories = tuple(memories)
         return clean
 
 
-def undo(reading: Floats, plain: Floats, changed: Floats) -> Floats:
+def subtract_sensor_effect(reading: Floats, plain: Floats, changed: Floats) -> Floats:
     """Subtract from a reading the change that an effect would make in the predicted one, shape (size,)."""
     if not has_orientation(reading):
         return reading - (changed - plain)

@@ -21,7 +21,7 @@ Step = TypeVar("Step", bound=Linearisation)
 
 
 @dataclass(frozen=True)
-class Spread:
+class LoadDistribution:
     """How unknown loads act as wrenches on the sections.
 
     Args:
@@ -51,10 +51,10 @@ class Spread:
 
 
 @dataclass(frozen=True)
-class ShapedStep(Generic[State, Step]):
+class AugmentedStep(Generic[State, Step]):
     """The wrapped model's linearisation in the frame of the unrotated base."""
 
-    model: "ShapedModel[State, Step]"
+    model: "AugmentedModel[State, Step]"
     step: Step
 
     @property
@@ -80,30 +80,30 @@ class ShapedStep(Generic[State, Step]):
 
 
 @dataclass(frozen=True)
-class ShapedModel(ModelWrapper, Generic[State, Step]):
+class AugmentedModel(ModelWrapper, Generic[State, Step]):
     """A model under known wrenches and a rotated base; implements ``ArmModel``.
 
     Args:
         model: Model whose loads are the wrenches of its sections.
-        spread: The unknown loads.
+        distribution: The unknown loads.
         wrenches: Known wrenches in the base frame, shape (6 sections,).
         base_rotation: Rotation of the base, shape (3, 3).
     """
 
     model: ArmModel[State, Step]
-    spread: Spread
+    distribution: LoadDistribution
     wrenches: Floats
     base_rotation: Floats
 
     @property
     def loads(self) -> tuple[Load, ...]:
         """Loads whose amplitudes are inputs."""
-        return self.spread.loads
+        return self.distribution.loads
 
     @cached_property
     def shares(self) -> Floats:
         """Wrenches in the wrapped model's base frame per unit of each load, shape (6 sections, loads)."""
-        return self._in_inner_axes(self.spread.matrix)
+        return self._in_inner_axes(self.distribution.matrix)
 
     def _in_inner_axes(self, wrenches: Floats) -> Floats:
         blocks = wrenches.reshape(-1, 3, *wrenches.shape[1:])
@@ -125,11 +125,11 @@ class ShapedModel(ModelWrapper, Generic[State, Step]):
         """Return a state without what earlier linearisations left in it to be used again."""
         return self.model.refreshed(state)
 
-    def linearise(self, state: State, inputs: Inputs) -> ShapedStep[State, Step]:
+    def linearise(self, state: State, inputs: Inputs) -> AugmentedStep[State, Step]:
         """Linearise about a state under given inputs."""
-        return ShapedStep(self, self.model.linearise(state, self.inner_inputs(inputs)))
+        return AugmentedStep(self, self.model.linearise(state, self.inner_inputs(inputs)))
 
-    def advance(self, step: ShapedStep[State, Step], change: Floats) -> State:
+    def advance(self, step: AugmentedStep[State, Step], change: Floats) -> State:
         """Take the Newton step for inputs changed by ``change`` (pressures, then loads)."""
         inner = np.concatenate([change[: self.chambers], self.shares @ change[self.chambers :]])
         return self.model.advance(step.step, inner)

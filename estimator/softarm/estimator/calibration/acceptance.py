@@ -21,7 +21,7 @@ LEAST_PRESSURE_SPREAD = 1.0e3
 """Change of a pressure [Pa] below which a chamber shows nothing of its gain."""
 LEAST_SOLVED = 0.5
 """Share of the nodes with an equilibrium, below which the unit of a pressure or a modulus is wrong."""
-UNSETTLED = 1.0
+LARGEST_REMAINING_STEP = 1.0
 """Standard deviations by which an unknown may still move at the end."""
 WORSE = 1.3
 """Times the old error up to which held-out samples may be predicted, where the old fit used them."""
@@ -60,8 +60,8 @@ def require_excitation(layout: Layout) -> None:
 
 def require_convergence(solution: CalibrationFit, layout: Layout) -> None:
     """Refuse a fit of which an unknown still moves."""
-    moves = solution.unsettled
-    if moves.max(initial=0.0) > UNSETTLED:
+    moves = solution.remaining_steps
+    if moves.max(initial=0.0) > LARGEST_REMAINING_STEP:
         unknown = layout.unknowns[int(np.argmax(moves))]
         raise CalibrationRefusedError(
             "calibration",
@@ -84,8 +84,7 @@ def require_improvement(check: Check, allowed: float) -> None:
     if ratio > allowed:
         raise CalibrationRefusedError(
             "calibration",
-            f"samples that the fit has not seen are predicted worse than before, with {ratio:.3g} times the "
-            "error",
+            f"held-out samples are predicted worse than before, with {ratio:.3g} times the error",
             f"leave out recordings of an arm in another state, and record more poses, each held for 5 s in "
             f"recordings of more than {2.0 * BLOCK:.0f} s",
         )
@@ -123,7 +122,7 @@ def require_motion_predicted(
     raise MotionNotPredictedError(
         "calibration",
         f"the model predicts the readings no better than their mean: they vary by {factor * before:.3g} "
-        f"{name} rms, and the model errs by {factor * after:.3g} {name}",
+        f"{name} rms, and the error of the model is {factor * after:.3g} {name}",
         "check that columns name the right chambers, sensors and units, and record larger motions",
     )
 
@@ -153,14 +152,14 @@ def cautions(calibrated: Calibrated) -> tuple[str, ...]:
     limit = scatter_limit(freedom, freedom)
     if over_training > limit:
         words.append(
-            f"Samples that the fit has not seen are predicted with {over_training:.3g} times the error of "
-            "those that it has; check that all recordings are of one arm in one state."
+            f"Held-out samples are predicted with {over_training:.3g} times the error of "
+            "the fitted samples; check that all recordings are of one arm in one state."
         )
     over_line = _ratio(check.held_out, check.line) if check.line else 0.0
     if over_line > limit:
         words.append(
-            f"On these samples the model errs {over_line:.3g} times as much as a linear regression on the "
-            "pressures; check the axes of the sensors and the numbers of the chambers."
+            f"On these samples the error of the model is {over_line:.3g} times that of a linear regression "
+            "on the pressures; check the axes of the sensors and the numbers of the chambers."
         )
     return tuple(words)
 

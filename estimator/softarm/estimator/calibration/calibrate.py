@@ -19,12 +19,13 @@ from softarm.estimator.calibration.acceptance import (
 from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.fit import CalibrationFit, fit, left_out
 from softarm.estimator.calibration.force_accuracy import force_accuracy
+from softarm.estimator.calibration.force_memory import force_memory_shares
 from softarm.estimator.calibration.forward import Forward, NodePredictions
 from softarm.estimator.calibration.identifiability import KEPT, fitted, identify, kept
 from softarm.estimator.calibration.layout import Layout, build_layout
 from softarm.estimator.calibration.nodes import (
-    NEVER_TOGETHER,
-    TOGETHER,
+    NEVER_SIMULTANEOUS,
+    RECORD_SIMULTANEOUSLY,
     Nodes,
     choose_nodes,
     training_blocks,
@@ -33,7 +34,6 @@ from softarm.estimator.calibration.outcome import Calibrated, Check
 from softarm.estimator.calibration.pulled_moduli import FEWEST_PULLS, by_pull, moduli_from_pulls
 from softarm.estimator.calibration.pulls import LEAST_PULL
 from softarm.estimator.calibration.regression import estimate_lag, fit_line
-from softarm.estimator.calibration.remembered import remembered_shares
 from softarm.estimator.calibration.scatter import rms, scatter_by_condition
 from softarm.estimator.calibration.search import AxesFit, search_axes
 from softarm.estimator.calibration.start import sized_by_bends, solvable, with_bends_kept
@@ -157,7 +157,7 @@ def calibrate(
         scatter=scatter,
         force_ratio={**accuracy.ratios, **vented_pulls.ratios},
         force_error=errors | pulled.unpulled_errors(errors, scatter),
-        force_memory=remembered_shares(setting, final.evaluations, pulls.nodes, scatter),
+        force_memory=force_memory_shares(setting, final.evaluations, pulls.nodes, scatter),
     )
 
 
@@ -199,7 +199,9 @@ def _choose(runs: Sequence[CalibrationRun], lags: Sequence[float | None], count:
     shares = [max(8, round(count * duration / sum(durations))) for duration in durations]
     chosen = tuple(choose_nodes(run, share) for run, share in zip(aligned, shares, strict=True))
     if not sum(len(run_nodes.time) for run_nodes in chosen):
-        raise CalibrationRefusedError(", ".join(run.name for run in runs), NEVER_TOGETHER, TOGETHER)
+        raise CalibrationRefusedError(
+            ", ".join(run.name for run in runs), NEVER_SIMULTANEOUS, RECORD_SIMULTANEOUSLY
+        )
     return tuple(run_nodes for run_nodes in chosen if len(run_nodes.time))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from softarm.estimator.calibration.arrange import CalibrationRun
 from softarm.estimator.calibration.forward import Forward
 from softarm.estimator.calibration.layout import build_layout
-from softarm.estimator.calibration.nodes import NEVER_TOGETHER, TOGETHER, Nodes, choose_nodes
+from softarm.estimator.calibration.nodes import NEVER_SIMULTANEOUS, RECORD_SIMULTANEOUSLY, Nodes, choose_nodes
 from softarm.estimator.calibration.outcome import by_quantity
 from softarm.estimator.calibration.regression import estimate_lag
 from softarm.estimator.calibration.scatter import rms
@@ -70,7 +70,7 @@ def check_drift(
     if not shared:
         raise InputError(
             ", ".join(run.name for run in runs),
-            "has no sensor that the calibration knew",
+            "has no sensor that the calibration used",
             f"record one of {', '.join(expected)}",
         )
     count = sum(len(run_nodes.time) for run_nodes in chosen)
@@ -84,7 +84,7 @@ def _nodes(runs: Sequence[CalibrationRun], count: int) -> tuple[Nodes, ...]:
     aligned = [run.delayed(lag) if (lag := estimate_lag(run)) else run for run in runs]
     chosen = tuple(choose_nodes(run, max(8, count // len(runs))) for run in aligned)
     if not sum(len(run_nodes.time) for run_nodes in chosen):
-        raise InputError(", ".join(run.name for run in runs), NEVER_TOGETHER, TOGETHER)
+        raise InputError(", ".join(run.name for run in runs), NEVER_SIMULTANEOUS, RECORD_SIMULTANEOUSLY)
     return tuple(run_nodes for run_nodes in chosen if len(run_nodes.time))
 
 

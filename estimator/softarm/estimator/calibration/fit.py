@@ -27,11 +27,11 @@ from softarm.estimator.statistics import (
 
 PULLED = ", pulled"
 """Runs with known forces have a scatter of their own: the arm hangs near rest, where a model is truer."""
-HELD = ", held"
+PRESSURISED_PULL = ", held"
 """Under pressure and drawn by a gauge at once."""
-HELD_WORTH = 9.0
+PRESSURISED_PULL_WEIGHT = 9.0
 """Weight of a known force under pressure: an inexact model shall err elsewhere, not in the forces."""
-PULL_TRUST = 1.0 / 3.0
+PULL_SCATTER_FACTOR = 1.0 / 3.0
 """A known force determines the stiffness itself, pressures only by gravity and the area that they push on.
 
 An inexact model shall err in the pressures, whose gains can make up for it.
@@ -113,7 +113,7 @@ class CalibrationFit:
         scatter: Scatter of the residuals.
         status: ``converged`` or ``iterations_exhausted``.
         iterations: Number of evaluations of the model at all nodes.
-        unsettled: Step that is left of each unknown, over its standard deviation, shape (unknowns,).
+        remaining_steps: Step that is left of each unknown, over its standard deviation, shape (unknowns,).
     """
 
     values: Floats
@@ -122,7 +122,7 @@ class CalibrationFit:
     scatter: Scatter
     status: str
     iterations: int
-    unsettled: Floats
+    remaining_steps: Floats
 
 
 def fit(
@@ -152,8 +152,8 @@ def fit(
         if scatter is None or (estimated and count <= SETTLING):
             scatter = Scatter.of(rows, current, forward.nodes)
         normal, gradient, cost = _normal_equations(forward, rows, values, scatter)
-        step, unsettled = _step(normal, gradient, damping)
-        settled = bool(unsettled.max(initial=0.0) < tolerance) or gain < LEAST_GAIN
+        step, remaining_steps = _step(normal, gradient, damping)
+        settled = bool(remaining_steps.max(initial=0.0) < tolerance) or gain < LEAST_GAIN
         if settled or count >= iterations:
             break
         candidate = forward.evaluate(values + step, current)
@@ -176,7 +176,7 @@ def fit(
     covariance = _covariance(forward, rows, scatter, normal)
     covariance += _registration_covariance(forward, rows, scatter, normal)
     status = "converged" if settled else "iterations_exhausted"
-    return CalibrationFit(values, covariance, current, scatter, status, count, unsettled)
+    return CalibrationFit(values, covariance, current, scatter, status, count, remaining_steps)
 
 
 def left_out(forward: Forward, solution: CalibrationFit) -> tuple[NodePredictions, ...]:
@@ -227,7 +227,7 @@ def collect(evaluations: Sequence[NodePredictions], nodes: Sequence[Nodes]) -> R
             registered[rows] = measurement.registration is not None
         observed = np.isfinite(evaluation.innovation)
         shape = evaluation.innovation.shape
-        suffix = np.where(held, HELD, PULLED if run_nodes.run.pulled else "")
+        suffix = np.where(held, PRESSURISED_PULL, PULLED if run_nodes.run.pulled else "")
         parts.append(
             ResidualRows(
                 evaluation.innovation[observed],
@@ -274,7 +274,7 @@ def _scatter(rows: ResidualRows) -> dict[str, float]:
         of_kind = rows.kind == name
         sizes, weights = np.abs(rows.innovation[of_kind]), rows.weight[of_kind]
         median = weighted_median(sizes, weights)
-        trusted = PULL_TRUST if str(name).endswith(PULLED) else 1.0
+        trusted = PULL_SCATTER_FACTOR if str(name).endswith(PULLED) else 1.0
         scatter[str(name)] = max(trusted * MAD_TO_STD * median, float(rows.noise[of_kind].max()))
     return scatter
 
@@ -287,7 +287,7 @@ def _whitened(rows: ResidualRows, scatter: Scatter) -> tuple[Floats, Floats, Flo
 
 
 def _node_weight(rows: ResidualRows) -> Floats:
-    return rows.weight * np.where(np.char.endswith(rows.kind, HELD), HELD_WORTH, 1.0)
+    return rows.weight * np.where(np.char.endswith(rows.kind, PRESSURISED_PULL), PRESSURISED_PULL_WEIGHT, 1.0)
 
 
 def _normal_equations(

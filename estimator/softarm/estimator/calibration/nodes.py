@@ -20,8 +20,10 @@ NORMAL_MEAN = 1.2533  # standard deviation over mean size of a normal distributi
 QUIET_SPEED = 0.5  # 1/s; motion of half its own spread per second halves a node's weight
 LEAST_WEIGHT = 0.05
 
-NEVER_TOGETHER = "pressures, motion and the forces of gauges are never known together"
-TOGETHER = "record them at once, with marker_hook_* and the pose of its section, or gauge_direction"
+NEVER_SIMULTANEOUS = "pressures, motion and the forces of gauges are never measured at the same time"
+RECORD_SIMULTANEOUSLY = (
+    "record them at once, with marker_hook_* and the pose of its section, or gauge_direction"
+)
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,9 @@ from softarm.estimator.calibration.unpulled import unpulled_errors
 from softarm.estimator.sensing.model_error import vented
 
 FEWEST_PULLS = 5  # nodes at which a known force must act before the moduli are fitted to them
-HELD = 0.002  # of a modulus' logarithm that pressures may move it from the value fitted to pulls
+MODULUS_PRIOR_SPREAD = (
+    0.002  # of a modulus' logarithm that pressures may move it from the value fitted to pulls
+)
 ITERATIONS = 20
 
 
@@ -46,7 +48,7 @@ class PulledModuli:
         return replace(
             layout,
             unknowns=tuple(
-                replace(p, mean=values[p.name], spread=HELD) if p.name in self.spreads else p
+                replace(p, mean=values[p.name], spread=MODULUS_PRIOR_SPREAD) if p.name in self.spreads else p
                 for p in layout.unknowns
             ),
         )

@@ -60,7 +60,7 @@ def known_pulls(
         direction = cord_direction(recording, specimen, registration, section)
         unknown = np.full((len(tension), 3), np.nan)
         if HOOK in recording.markers:
-            tension = _kept_until_let_go(recording, tension)
+            tension = _held_until_release(recording, tension)
         slack = np.abs(tension) <= LEAST_PULL
         acting = tension[:, None] * (unknown if direction is None else direction)
         first = names.index(section)
@@ -68,7 +68,7 @@ def known_pulls(
     return amplitudes
 
 
-def _kept_until_let_go(recording: Recording, tension: Floats) -> Floats:
+def _held_until_release(recording: Recording, tension: Floats) -> Floats:
     """Return tensions in which the last reading before a cord is let go holds until then, shape (samples,).
 
     Such a cord does not slacken evenly from its last reading to the first one without it.

@@ -129,21 +129,32 @@ def _settled(drive: Drive, again: Drive) -> bool:
     return strain < SETTLED_STRAIN and wrench < SETTLED_WRENCH
 
 
-@dataclass(frozen=True)
 class _ObservedArm:
-    """A model whose sections effects see elsewhere: by offsets [m], shape (samples, sections, 3)."""
+    """A model whose sections effects see elsewhere, and which answers only what is new.
 
-    arm: RespondingArm
-    offset: Floats
+    Args:
+        arm: The model.
+        offset: From where its sections are to where effects see them [m], shape (samples, sections, 3).
+    """
+
+    def __init__(self, arm: RespondingArm, offset: Floats) -> None:
+        self._arm, self._offset = arm, offset
+        self._wrenches: Floats | None = None
 
     @property
     def segments(self) -> Segments:
-        return self.arm.segments
+        return self._arm.segments
 
     def respond(
         self, drive: Drive, near: ArmResponse | None = None, *, jacobians: bool = False
     ) -> ArmResponse:
-        return _moved(self.arm.respond(drive, near, jacobians=jacobians), self.offset)
+        """Compute the response; ``near`` is the one before, from whose drive only wrenches differ."""
+        before, self._wrenches = self._wrenches, drive.wrenches
+        if near is None or before is None:
+            return _moved(self._arm.respond(drive, near, jacobians=jacobians), self._offset)
+        new = np.flatnonzero((drive.wrenches != before).any(axis=(1, 2)))
+        answer = self._arm.respond(drive.at(new), near.at(new), jacobians=jacobians)
+        return near.with_samples(new, _moved(answer, self._offset[new]))
 
 
 def _moved(response: ArmResponse, offset: Floats) -> ArmResponse:

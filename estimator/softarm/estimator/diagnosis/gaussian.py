@@ -59,7 +59,7 @@ class Factor:
     def solve(self, right: Floats) -> Floats:
         """Solve for right-hand sides, shape (columns,) or (columns, sides)."""
         size = self.size if right.ndim == 1 else self.size[:, None]
-        solved: Floats = cho_solve(self.factor, right / size) / size
+        solved: Floats = cho_solve(self.factor, right / size, check_finite=False) / size
         return solved
 
 

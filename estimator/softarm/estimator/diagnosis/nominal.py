@@ -145,16 +145,12 @@ def _width(
         folds = [[part for part in parts if part.block in half] for half in halves]
     else:
         folds = [[part for part in parts if part.session == number] for number in sessions]
-    scores = []
-    for width in WIDTHS:
-        score = 0.0
-        for fold in folds:
-            rest = [part for part in parts if part not in fold]
-            run_prior = prior.posterior(total(rest, evidence.size), fraction).inflate(
-                _spreads(evidence, width)
-            )
-            score += predictive(run_prior, total(fold, evidence.size), fraction)
-        scores.append(score)
+    scores = np.zeros(len(WIDTHS))
+    for fold in folds:
+        rest = [part for part in parts if part not in fold]
+        learnt = prior.posterior(total(rest, evidence.size), fraction)
+        seen = total(fold, evidence.size)
+        scores += [predictive(learnt.inflate(_spreads(evidence, width)), seen, fraction) for width in WIDTHS]
     return WIDTHS[int(np.argmax(scores))]
 
 

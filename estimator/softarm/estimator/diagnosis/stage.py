@@ -1,6 +1,6 @@
 """A session on the calibrated model: the prediction, the residual, and what effects would change."""
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -10,6 +10,7 @@ from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Prediction
 from softarm.estimator.diagnosis.exact_model import ExactModel
+from softarm.estimator.diagnosis.recent import Recent
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.effects import Spot, World
 from softarm.estimator.effects.effect import ModalChange, Signals
@@ -32,6 +33,8 @@ SUDDEN, RINGDOWN = 0.2, 0.7
 RINGING = 0.2
 LEVER = 0.1
 """See ``Stage.model_error_std``: [s], [s], a share, [m]."""
+KEPT = 300
+"""Changes of the predictions that are kept of each session, some tens of kilobytes each."""
 
 
 @dataclass(frozen=True)
@@ -329,11 +332,26 @@ class Stage:
         vibrations = self.vibrations and replace(self.vibrations, resting=strained(self.vibrations.resting))
         return replace(self, arm=strained(self.arm), vibrations=vibrations, observed=None)
 
+    @cached_property
+    def _recent(self) -> Recent:
+        """What effects were last found to change."""
+        return Recent(KEPT)
+
     def _simulated(self, effects: Sequence[PlacedEffect]) -> Floats:
-        simulation = simulate_with(effects, self.arm, self.world, self.drive)
-        if np.array_equal(simulation.drive.wrenches, self.drive.wrenches):  # walls and cords out of reach
-            return np.where(self.arm.baseline.converged[:, None], np.zeros(self.residual.shape), np.nan)
-        return self.innovation(self.suite.predict(simulation.response.frames))
+        """Return by how much effects that answer to the response change the predictions, to first order."""
+        return self._recent.get(("simulated", *_keys(effects)), lambda: self._simulate(effects))
+
+    def _simulate(self, effects: Sequence[PlacedEffect]) -> Floats:
+        loads = [placed.act(self.signals, ())[0] for placed in effects]
+        met = np.flatnonzero(np.abs(loads).max(axis=(0, 2, 3)))
+        change = np.zeros(self.residual.shape)
+        if len(met):  # else walls and cords are out of reach
+            # Loads of contact have no memory: elsewhere the arm answers to the drive as it is.
+            there = self.arm.at(met)
+            simulation = simulate_with(effects, there, self.world, there.drive)
+            readings = self.suite.predict(simulation.response.frames)
+            change[met] = self.suite.sensitivity(there.baseline.frames, readings).innovation
+        return np.where(self.arm.baseline.converged[:, None], change, np.nan)
 
     @cached_property
     def _exact(self) -> ExactModel:
@@ -352,6 +370,9 @@ class Stage:
 
     def _solved(self, effects: Sequence[PlacedEffect]) -> Floats:
         """Return what the model itself predicts under effects, minus the prediction, shape (nodes, rows)."""
+        return self._recent.get(("solved", *_keys(effects)), lambda: self._solve(effects))
+
+    def _solve(self, effects: Sequence[PlacedEffect]) -> Floats:
         nodes = self._exact.nodes
         drive, response = self._exact.under(effects)
         back = np.swapaxes(exp(self._usual(drive, effects)[nodes]), -1, -2)
@@ -375,6 +396,11 @@ class Stage:
             placed: The effect.
             vibrating: Whether the arm vibrates about what the effect changes, as it does about all else.
         """
+        return self._recent.get(
+            (vibrating, placed.key), lambda: self._first_order(placed, vibrating=vibrating)
+        )
+
+    def _first_order(self, placed: PlacedEffect, *, vibrating: bool) -> Floats:
         if not placed.field:
             return self.innovation(self._misread(placed, self.base))
         drive = self.drive
@@ -503,6 +529,10 @@ class Stage:
             np.zeros(self.twist_jacobian.shape[:2]),
             self.twist_jacobian,
         )
+
+
+def _keys(effects: Sequence[PlacedEffect]) -> tuple[Hashable, ...]:
+    return tuple(placed.key for placed in effects)
 
 
 def _by_part(by_input: Floats, by_eigenstrain: Floats, drive: Drive) -> dict[str, Floats]:

@@ -7,8 +7,8 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.dynamics.force_filter import ForceFilter
+from softarm.estimator.dynamics.force_memory import ForceMemory
 from softarm.estimator.dynamics.reduced_arm import ReducedArm, Reduction
-from softarm.estimator.dynamics.remembered_forces import RememberedForces
 from softarm.estimator.inverse import ArmEstimate
 from softarm.estimator.model import Load
 from softarm.estimator.sensing import SensorSuite
@@ -46,7 +46,7 @@ class MovingForces:
         memory: Mapping[str, Value] | None = None,
     ) -> None:
         self._suite = suite
-        self._remembered = RememberedForces(loads, memory or {})
+        self._remembered = ForceMemory(loads, memory or {})
         self._reduction: Reduction | None = None
         if loads and all(load.kind == "force" and load.section is not None for load in loads):
             self._reduction = Reduction.of(loads, sections, neighbours, masses)
@@ -69,7 +69,7 @@ class MovingForces:
         self._remembered.reset()
 
     def tare(self) -> None:
-        """Begin a new history of the forces at the last instant; see ``RememberedForces``."""
+        """Begin a new history of the forces at the last instant; see ``ForceMemory``."""
         self._remembered.tare()
 
     def update(self, time: float, readings: Floats, estimate: ArmEstimate[Any]) -> tuple[Floats, Floats]:
@@ -99,7 +99,7 @@ class MovingForces:
         plain = estimate.inputs.loads, estimate.load_covariance
         arm = None
         if self._reduction is not None and estimate.status != "diverged":
-            arm = self._reduction.at(estimate, self._suite.own_noise(readings))
+            arm = self._reduction.at(estimate, self._suite.sensor_noise(readings))
         if arm is None:
             self._filter = None
             return plain

@@ -79,12 +79,12 @@ class Reduction:
             masses,
         )
 
-    def at(self, estimate: ArmEstimate[Any], own_noise: Floats) -> ReducedArm | None:
+    def at(self, estimate: ArmEstimate[Any], sensor_noise: Floats) -> ReducedArm | None:
         """Reduce the arm in the pose of an estimate.
 
         Args:
             estimate: At one instant.
-            own_noise: Covariance of the sensors' own noise, shape (rows, rows) of the whole suite.
+            sensor_noise: Covariance of the sensors' own noise, shape (rows, rows) of the whole suite.
 
         Returns:
             The reduced arm, ``None`` where no sensor gave a reading or the forces do not each move the arm
@@ -103,7 +103,7 @@ class Reduction:
         noise, squares = _noise_and_squares(
             estimate.covariance[-count:],
             sensor_rows.weighted,
-            own_noise,
+            sensor_noise,
             sensor_rows.members,
             sensor_rows.innovation,
         )
@@ -162,14 +162,14 @@ def _reduce(
 
 @njit(cache=True, nogil=True)
 def _noise_and_squares(
-    covariance: Floats, weighted: Floats, own_noise: Floats, members: Indices, residuals: Floats
+    covariance: Floats, weighted: Floats, sensor_noise: Floats, members: Indices, residuals: Floats
 ) -> tuple[Floats, float]:
     """Compute the covariance of the loads by the sensors' noise, and the squares of the residuals over it.
 
     Args:
         covariance: Of the estimated loads with all inputs, shape (loads, inputs).
         weighted: J^T R^-1 of the sensors' rows, shape (inputs, rows).
-        own_noise: Covariance of the sensors' noise, shape (all rows, all rows).
+        sensor_noise: Covariance of the sensors' noise, shape (all rows, all rows).
         members: Rows that are present, shape (rows,).
         residuals: Measured minus estimated of these rows, shape (rows,).
 
@@ -181,7 +181,7 @@ def _noise_and_squares(
     product(covariance, weighted, gain)
     for r in range(rows):
         for c in range(rows):
-            present[r, c] = own_noise[members[r], members[c]]
+            present[r, c] = sensor_noise[members[r], members[c]]
     add_congruence(1.0, gain, present, noise)
     lower, weighed, squares = np.empty((rows, rows)), residuals.copy(), 0.0
     factorise(present, lower)

@@ -1,6 +1,6 @@
 """An effect at a place, and the one way in which it acts on what drives the arm."""
 
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -46,6 +46,11 @@ class PlacedEffect:
     def field(self) -> str:
         """Part of a ``Drive`` that it changes; empty for an effect of sensing."""
         return FIELDS.get(self.effect.hook, "")
+
+    @property
+    def key(self) -> Hashable:
+        """What distinguishes it from other effects in the same world."""
+        return self.effect.name, self.spot.place, self.theta.tobytes()
 
     @property
     def answers(self) -> bool:
@@ -120,5 +125,12 @@ def signals_of(drive: Drive, world: World, response: ArmResponse | None = None) 
     force = drive.wrenches[..., :3] + world.masses[:, None] * drive.gravity[:, None, :]
     moment = (np.cross(positions, force) + drive.wrenches[..., 3:]).sum(axis=1)
     return Signals(
-        drive.time, drive.pressures, drive.gravity, strains, positions, rotations, moment, np.zeros((samples, 0))
+        drive.time,
+        drive.pressures,
+        drive.gravity,
+        strains,
+        positions,
+        rotations,
+        moment,
+        np.zeros((samples, 0)),
     )

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.effects.effect import Memory, Signals
 from softarm.estimator.effects.placed import PlacedEffect, signals_of
 from softarm.estimator.effects.springs import together
@@ -27,9 +27,9 @@ SMALLEST_STEP = 1e-6
 """Least share of a residual that Aitken's relaxation takes."""
 ANEW = 4
 """Passes after which the compliance is that of the pose by then."""
-STALLS = 0.7
-SLOWEST = 1.0 / 16.0
-"""Least share of a change of forces that a sample takes whose changes grow: its compliance differs by then."""
+STALLS, SLOWEST = 0.7, 1.0 / 16.0
+"""Share of the change before from which on a change of forces stalls, for the arm gives way otherwise than
+its compliance says, and half as much of it is taken; the least share that is taken."""
 
 
 @dataclass(frozen=True)
@@ -82,28 +82,29 @@ def simulate_with(
     shares = {k: share for k, share in shares.items() if effects[k] not in springs}
     old: dict[int, tuple[Floats, Floats]] = {}
     response = arm.respond(drive, near, jacobians=True)
-    forces = _Forces.none(springs, response, drive)
+    forces = _Forces.none(springs, drive)
     passes, settled = 1, not shares and not springs
     while not settled and passes < ITERATIONS:
         residuals = {}
         for k, share in shares.items():
             wanted, after[k] = _share(effects[k], world, drive, response, share, before[k])
             residuals[k] = wanted - share
-        balanced = forces.balanced(signals_of(drive, world, response))
-        changes = [*residuals.values(), balanced.wrenches - forces.wrenches]
-        settled = all(float(np.abs(change).max(initial=0.0)) < TOLERANCE for change in changes)
+        balanced = forces.balanced(signals_of(drive, world, response), response.load_jacobian)
+        changes = [*residuals.values(), balanced.change]
+        open_samples = np.any([_largest(change) >= TOLERANCE for change in changes], axis=0)
+        settled = not open_samples.any()
         if settled:
             break
+        # Samples that have settled stay as they are, so that no arm need answer them again.
         for k, residual in residuals.items():
             step = _relaxed(residual, old.get(k))
             old[k] = (residual, step)
-            shares[k] = shares[k] + _spread(step, residual) * residual
-        forces = balanced
+            shares[k] = shares[k] + _spread(np.where(open_samples, step, 0.0), residual) * residual
+        forces = forces.taken(balanced, open_samples)
         loaded = _loaded(base, effects, shares)
         drive = replace(loaded, wrenches=loaded.wrenches + forces.wrenches)
-        anew = bool(springs) and passes % ANEW == 0
-        response = arm.respond(drive, response, jacobians=True) if anew else arm.respond(drive, response)
-        forces = replace(forces, compliance=response.load_jacobian) if anew else forces
+        anew = {"jacobians": True} if springs and passes % ANEW == 0 else {}
+        response = arm.respond(drive, response, **anew)
         passes += 1
     readings = _readings(effects, world, drive, response, suite, before, after)
     return Simulation(drive, response, readings, tuple(after), settled)
@@ -111,49 +112,58 @@ def simulate_with(
 
 @dataclass(frozen=True)
 class _Forces:
-    """Forces of springs on one side along a drive.
+    """Forces of walls and cords along a drive.
 
     Args:
         effects: The walls and cords.
-        compliance: Section twists per unit of each wrench, shape (samples, 6 sections, 6 sections).
-        forces: Of each spring, shape (samples, springs); empty before the first balance.
+        forces: Of each spring [N], shape (samples, springs); empty before the first balance.
         wrenches: Theirs on the sections, shape (samples, sections, 6).
-        change: Largest change of a force in the last balance [N], shape (samples,).
+        change: Largest change of a wrench that would balance [N, N m], shape (samples,).
         share: Of a change that is taken, shape (samples,).
     """
 
     effects: Sequence[PlacedEffect]
-    compliance: Floats
     forces: Floats
     wrenches: Floats
     change: Floats
     share: Floats
 
     @classmethod
-    def none(cls, effects: Sequence[PlacedEffect], response: ArmResponse, drive: Drive) -> "_Forces":
-        """Begin without forces at a response without them."""
+    def none(cls, effects: Sequence[PlacedEffect], drive: Drive) -> "_Forces":
+        """Begin without forces."""
         samples = drive.samples
-        return cls(
-            effects,
-            response.load_jacobian,
-            np.zeros((samples, 0)),
-            np.zeros_like(drive.wrenches),
-            np.full(samples, np.inf),
-            np.ones(samples),
-        )
+        no_wrenches, all_of_it = np.zeros_like(drive.wrenches), np.ones(samples)
+        return cls(effects, np.zeros((samples, 0)), no_wrenches, np.full(samples, np.inf), all_of_it)
 
-    def balanced(self, signals: Signals) -> "_Forces":
-        """Balance the springs where they are in a response to these forces."""
+    def balanced(self, signals: Signals, compliance: Floats) -> "_Forces":
+        """Balance the springs where they are in the response to these forces.
+
+        Args:
+            signals: Of that response.
+            compliance: Section twists per unit of each wrench, shape (samples, 6 sections, 6 sections).
+        """
         if not self.effects:
-            return self
+            return replace(self, change=np.zeros_like(self.change))
         springs = together([placed.springs(signals) for placed in self.effects])
         forces = self.forces if self.forces.size else np.zeros_like(springs.extensions)
-        wanted = springs.balanced(forces, self.compliance)
-        change = np.abs(wanted - forces).max(axis=1)
-        grown = change > STALLS * self.change
-        share = np.where(grown, np.maximum(0.5 * self.share, SLOWEST), np.minimum(2.0 * self.share, 1.0))
-        forces = forces + share[:, None] * (wanted - forces)
-        return replace(self, forces=forces, wrenches=springs.wrenches(forces), change=change, share=share)
+        step = springs.balanced(forces, compliance) - forces
+        change = _largest(springs.wrenches(forces + step) - self.wrenches)
+        stalled = change > STALLS * self.change
+        share = np.where(stalled, np.maximum(0.5 * self.share, SLOWEST), np.minimum(2.0 * self.share, 1.0))
+        forces = forces + share[:, None] * step
+        return _Forces(self.effects, forces, springs.wrenches(forces), change, share)
+
+    def taken(self, balanced: "_Forces", samples: Flags) -> "_Forces":
+        """Take the balanced forces at some samples, shape (samples,)."""
+        if not self.forces.size:
+            return balanced
+        return _Forces(
+            self.effects,
+            np.where(samples[:, None], balanced.forces, self.forces),
+            np.where(samples[:, None, None], balanced.wrenches, self.wrenches),
+            balanced.change,
+            balanced.share,
+        )
 
 
 def advance_with(
@@ -242,6 +252,12 @@ def _share(
         signals = replace(signals, strains=signals.strains - previous)
     share, memory = placed.change(signals, before)
     return share.reshape(previous.shape), memory
+
+
+def _largest(residual: Floats) -> Floats:
+    """Return the largest size of each sample's residual, shape (samples,)."""
+    largest: Floats = np.abs(residual).reshape(len(residual), -1).max(axis=1, initial=0.0)
+    return largest
 
 
 def _spread(step: Floats, residual: Floats) -> Floats:

@@ -1,8 +1,8 @@
 """Springs that act on one side: how walls press on the arm and cords pull at it.
 
-A spring that is extended by e > 0 has the force f = k e; its wrenches on the sections are -f de/du, with u the
-sections' twists. Walls may be a hundred times as stiff as the arm, and where one point presses, another loses
-touch. So all forces of a sample are found together, with the arm's compliance C and A = de/du:
+A spring that is extended by e > 0 has the force f = k e; its wrenches on the sections are -f de/du, with u
+the sections' twists. Walls may be a hundred times as stiff as the arm, and where one point presses, another
+loses touch. So all forces of a sample are found together, with the arm's compliance C and A = de/du:
 
     f = k max(e0 - A C A' f, 0),    e0 the extensions without these forces,
 
@@ -75,6 +75,7 @@ def together(springs: Sequence[Springs]) -> Springs:
         np.concatenate([one.extensions for one in springs], axis=1),
         np.concatenate([one.gradients for one in springs], axis=1),
     )
+
 
 @njit(cache=True, nogil=True)
 def _balance(matrix: Floats, free: Floats, forces: Floats) -> None:

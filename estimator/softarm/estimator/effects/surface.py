@@ -1,8 +1,8 @@
 """Where the arm's surface is along its length, between the sections whose poses a model predicts.
 
-The axis of a segment is the cubic through the poses of its ends (Hermite), which an arc resembles to a part in
-a thousand. By virtual work a force on it acts on both sections as the nodal loads of a beam do, which move the
-ends of a uniform segment as the force itself does.
+The axis of a segment is the cubic through the poses of its ends (Hermite). By virtual work a force on it acts
+on both sections as the nodal loads of a beam do, which move the ends of a uniform segment as the force itself
+does.
 """
 
 from collections.abc import Callable

@@ -208,4 +208,3 @@ def whole_and_sections(world: World) -> tuple[Place, ...]:
 def sensors(world: World) -> tuple[Place, ...]:
     """Each sensor."""
     return tuple(Place(sensor=name) for name in world.sensors)
-

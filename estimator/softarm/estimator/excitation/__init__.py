@@ -1,18 +1,18 @@
 """Manoeuvres that separate physical effects, and the choice among them."""
 
 from softarm.estimator.excitation.manoeuvre import Manoeuvre, ManoeuvreLimits
-from softarm.estimator.excitation.menu import menu
-from softarm.estimator.excitation.plan import ChosenManoeuvre, ExcitationPlan, Rivals, plan_for, whole
+from softarm.estimator.excitation.plan import ChosenManoeuvre, EffectPair, ExcitationPlan, full_plan, plan_for
 from softarm.estimator.excitation.separation import SeparatedArm
+from softarm.estimator.excitation.standard_manoeuvres import standard_manoeuvres
 
 __all__ = [
     "ChosenManoeuvre",
+    "EffectPair",
     "ExcitationPlan",
     "Manoeuvre",
     "ManoeuvreLimits",
-    "Rivals",
     "SeparatedArm",
-    "menu",
+    "full_plan",
     "plan_for",
-    "whole",
+    "standard_manoeuvres",
 ]

@@ -8,14 +8,14 @@ from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.excitation.manoeuvre import Manoeuvre
 from softarm.estimator.excitation.separation import SeparatedArm, SeparationTrial
 
-ENOUGH = 50.0
+DECISIVE_SEPARATION = 50.0
 """Separation D^2 from which two explanations are distinguished, with a margin of two on chance."""
 OVERHEAD = 6.0
 """Time between two manoeuvres for venting and for the file [s]."""
 
 
 @dataclass(frozen=True)
-class Rivals:
+class EffectPair:
     """An explanation and one that the present data do not distinguish from it.
 
     Args:
@@ -41,7 +41,7 @@ class ChosenManoeuvre:
     """A manoeuvre and what is expected of it.
 
     Args:
-        separations: D^2 of each pair of rivals.
+        separations: D^2 of each pair.
     """
 
     manoeuvre: Manoeuvre
@@ -64,11 +64,11 @@ class ExcitationPlan:
 
     Args:
         choices: The manoeuvres.
-        rivals: The pairs that it is to separate; none where everything is to be shown.
+        pairs: The pairs that it is to separate; none where everything is to be shown.
     """
 
     choices: tuple[ChosenManoeuvre, ...]
-    rivals: tuple[Rivals, ...] = ()
+    pairs: tuple[EffectPair, ...] = ()
 
     @property
     def seconds(self) -> float:
@@ -80,23 +80,23 @@ class ExcitationPlan:
         return sum(choice.separations[pair] for choice in self.choices)
 
     @property
-    def undecided(self) -> tuple[Rivals, ...]:
+    def undecided(self) -> tuple[EffectPair, ...]:
         """Pairs that the whole plan will not separate."""
-        return tuple(p for k, p in enumerate(self.rivals) if self.separation(k) < ENOUGH)
+        return tuple(p for k, p in enumerate(self.pairs) if self.separation(k) < DECISIVE_SEPARATION)
 
 
-def whole(manoeuvres: Sequence[Manoeuvre]) -> ExcitationPlan:
+def full_plan(manoeuvres: Sequence[Manoeuvre]) -> ExcitationPlan:
     """Plan everything, in the order given."""
     return ExcitationPlan(tuple(ChosenManoeuvre(manoeuvre) for manoeuvre in manoeuvres))
 
 
 def plan_for(
-    rivals: Sequence[Rivals],
+    pairs: Sequence[EffectPair],
     manoeuvres: Sequence[Manoeuvre],
     subject: SeparatedArm,
     advance: Callable[[float], None] = lambda _: None,
 ) -> ExcitationPlan:
-    """Choose manoeuvres for rivals, the one first that separates them most per second of run.
+    """Choose manoeuvres for pairs of effects, the one first that separates them most per second of run.
 
     ``advance`` is called with 1 after each pair on each manoeuvre.
     """
@@ -104,21 +104,21 @@ def plan_for(
     for manoeuvre in manoeuvres:
         trial = subject.trial(manoeuvre)
         remaining.append(
-            ChosenManoeuvre(manoeuvre, tuple(_separation(trial, pair, advance) for pair in rivals))
+            ChosenManoeuvre(manoeuvre, tuple(_separation(trial, pair, advance) for pair in pairs))
         )
-    lacking, chosen = [ENOUGH] * len(rivals), []
+    lacking, chosen = [DECISIVE_SEPARATION] * len(pairs), []
     while remaining and any(lack > 0.0 for lack in lacking):
         best = max(remaining, key=lambda choice: choice.gain(lacking))
-        # A D^2 below 1 decides nothing; what is left of the menu would only take time.
+        # A D^2 below 1 decides nothing; what is left of the list would only take time.
         if best.gain(lacking) * best.seconds < 1.0:
             break
         remaining.remove(best)
         chosen.append(best)
         lacking = [max(0.0, a - b) for a, b in zip(lacking, best.separations, strict=True)]
-    return ExcitationPlan(tuple(chosen), tuple(rivals))
+    return ExcitationPlan(tuple(chosen), tuple(pairs))
 
 
-def _separation(trial: SeparationTrial, pair: Rivals, advance: Callable[[float], None]) -> float:
+def _separation(trial: SeparationTrial, pair: EffectPair, advance: Callable[[float], None]) -> float:
     value = trial.separation(pair.found, pair.rival)
     advance(1)
     return value

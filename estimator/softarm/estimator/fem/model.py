@@ -105,7 +105,7 @@ class FiniteElementStep:
     def full_response(self, rows: Floats) -> tuple[Floats, Floats, Floats, Floats]:
         """Project the motion of the sections on rows, with one solve for all that can change.
 
-        It returns what ``node_by_node.full_response`` does.
+        It returns what ``sequential_batch.full_response`` does.
         """
         twists = np.atleast_2d(rows) @ self.poses.twists(self.motions).T
         inputs = self.model.chambers + len(self.model.loads)

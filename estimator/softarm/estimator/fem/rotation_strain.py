@@ -130,7 +130,7 @@ class RotationStrain:
         """Compute the rotation at every point between configurations with given deformation gradients."""
         return polar_rotations(after @ np.linalg.inv(before))
 
-    def carried_divergence(self, rotations: Floats, nodal: Floats) -> Floats:
+    def corotated_divergence(self, rotations: Floats, nodal: Floats) -> Floats:
         """Compute the divergence of the gradient of a displacement carried along, shape (nodes, 3)."""
         return self.divergence(rotations @ self.gradient(nodal))
 

@@ -75,7 +75,7 @@ def _lobes(specimen: Specimen, count: int) -> tuple[float, list[tuple[int, ...]]
             raise InputError(
                 f"{specimen.name}: chambers[{chamber.index}].azimuth_rad",
                 f"{chamber.azimuth_rad} rad is not in line with a chamber of the first segment",
-                "give all segments the same azimuths, or bring a mesh file",
+                "give all segments the same azimuths, or use a mesh file",
             )
         lobes[round(fractions) % count].append(chamber.index)
     return start, [tuple(members) for members in lobes]

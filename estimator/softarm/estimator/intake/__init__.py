@@ -1,6 +1,6 @@
 """Time, frames, labels and units of a recording, before any calibration.
 
-| fault | found by | mended |
+| fault | found by | corrected |
 |---|---|---|
 | chambers, sections or markers of another specimen | names | no |
 | units, absolute pressures, sign of a gauge | what the specimen can be | where one unit wins |
@@ -13,7 +13,7 @@
 | events | the steady law of the recording itself | left out of fits |
 """
 
-from softarm.estimator.intake.intake import take_in
+from softarm.estimator.intake.intake import check_recording
 from softarm.estimator.intake.result import Disturbance, Intake, RecordingFault
 
-__all__ = ["Disturbance", "Intake", "RecordingFault", "take_in"]
+__all__ = ["Disturbance", "Intake", "RecordingFault", "check_recording"]

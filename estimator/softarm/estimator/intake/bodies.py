@@ -27,7 +27,7 @@ def rigid_bodies(recording: Recording, specimen: Specimen) -> list[tuple[str, ..
     return [names for names in bodies if len(names) >= 3]
 
 
-def mend_places(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+def correct_places(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Leave out a marker that is off its place in its body, or report that it is unclear which one is."""
     faults = []
     for names in rigid_bodies(recording, specimen):

@@ -68,7 +68,7 @@ REACH = 2.5
 PARTS = 4
 """Parts of a run, each predicted from the others."""
 
-Strayed = tuple[float, float, float, float]
+ClockShift = tuple[float, float, float, float]
 """Lag [s] and log odds of a shift, the next best lag [s] and the log odds against that."""
 
 
@@ -101,29 +101,29 @@ class Shifts:
         return inside
 
 
-def mend_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+def correct_clocks(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Find streams whose clock is shifted, and shift them back where one shift wins.
 
     Where all sensors lag alike, the pressures are moved; else the sensor that strays.
     """
     shifts = find_shifts(recording, specimen)
-    mended, faults = _mended_shift(recording, specimen, shifts)
+    corrected, faults = _corrected_shift(recording, specimen, shifts)
     if not faults:
-        return _mended_delay(recording, specimen, shifts)
-    if faults[0].mended and faults[0].columns == ("pressures",):  # a sensor may be late besides
-        mended, more = _mended_shift(mended, specimen, find_shifts(mended, specimen))
+        return _corrected_delay(recording, specimen, shifts)
+    if faults[0].corrected and faults[0].columns == ("pressures",):  # a sensor may be late besides
+        corrected, more = _corrected_shift(corrected, specimen, find_shifts(corrected, specimen))
         faults = (*faults, *more)
-    return mended, faults
+    return corrected, faults
 
 
-def _mended_shift(
+def _corrected_shift(
     recording: Recording, specimen: Specimen, shifts: Shifts | None
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Move the pressures where no sensor is explained without a shift, else the sensors that stray."""
     if shifts is None:
         return recording, ()
 
-    def placed(strayed: Strayed, *names: str) -> Strayed:
+    def placed(strayed: ClockShift, *names: str) -> ClockShift:
         return _placed(recording, specimen, strayed[0], names or shifts.names), *strayed[1:]
 
     whole = shifts.likelihoods.mean(axis=0)
@@ -131,23 +131,25 @@ def _mended_shift(
     alone = [_strayed(shifts, *own) for own in zip(shifts.likelihoods, shifts.fitted, strict=True)]
     for candidate in (common, *alone):
         if candidate is not None and _shared(shifts, candidate[0]):
-            return _mended(recording, ("pressures",), "the motion", placed(candidate))
+            return _corrected(recording, ("pressures",), "the motion", placed(candidate))
     strayed = {name: one for name, one in zip(shifts.names, alone, strict=True) if one is not None}
     if len(strayed) == len(shifts.names):
-        return _mended(recording, ("pressures",), "the motion", placed(_commonest(tuple(strayed.values()))))
+        return _corrected(
+            recording, ("pressures",), "the motion", placed(_commonest(tuple(strayed.values())))
+        )
     faults: list[RecordingFault] = []
     for name, one in strayed.items():
-        recording, more = _mended(recording, (name,), name, placed(one, name))
+        recording, more = _corrected(recording, (name,), name, placed(one, name))
         faults += more
     return recording, tuple(faults)
 
 
-def _commonest(strayed: Sequence[Strayed]) -> Strayed:
+def _commonest(strayed: Sequence[ClockShift]) -> ClockShift:
     """Return the shift that most of several sensors share; of equally common ones that of the first."""
     return max(strayed, key=lambda one: sum(abs(one[0] - other[0]) < SPREAD for other in strayed))
 
 
-def _mended_delay(
+def _corrected_delay(
     recording: Recording, specimen: Specimen, levels: Shifts | None
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Move the pressures where every sensor shows the same delay of its changes.
@@ -168,7 +170,7 @@ def _mended_delay(
     refuted = any(_fits_worse(one, lag) for one in (shifts, levels) if one is not None)
     if beyond or refuted or odds < np.log(UNAMBIGUOUS) or not _shared(shifts, lag):
         return recording, ()
-    return _mended(recording, ("pressures",), "the motion", (lag, odds, lag, odds))
+    return _corrected(recording, ("pressures",), "the motion", (lag, odds, lag, odds))
 
 
 def _fits_worse(shifts: Shifts, lag: float) -> bool:
@@ -184,7 +186,7 @@ def _shared(shifts: Shifts, lag: float) -> bool:
     return bool((gains > 0.0).all())
 
 
-def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> Strayed | None:
+def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> ClockShift | None:
     """Find a shift that clearly beats every usual one; prediction chooses it, the fit places it.
 
     In few poses a wrong shift may predict some from the others by chance, but only the right one fits better
@@ -205,8 +207,8 @@ def _strayed(shifts: Shifts, likelihood: Floats, fitted: Floats) -> Strayed | No
     return float(shifts.lags[placed]), gain, float(shifts.lags[other]), min(leads)
 
 
-def _mended(
-    recording: Recording, columns: tuple[str, ...], subject: str, strayed: Strayed
+def _corrected(
+    recording: Recording, columns: tuple[str, ...], subject: str, strayed: ClockShift
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
     lag, gain, other, lead = strayed
     odds = float(np.exp(min(gain, lead, 500.0)))  # beyond that the exponential overflows

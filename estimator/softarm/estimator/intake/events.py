@@ -11,7 +11,7 @@ import numpy as np
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.intake.disturbances import Watched, disturbances, tip_lever
 from softarm.estimator.intake.grid import Grid, grid_of
-from softarm.estimator.intake.provoked import slopes_of, unprovoked_motion
+from softarm.estimator.intake.provoked import slopes_of, unexplained_motion
 from softarm.estimator.intake.relocated import losses, relocation
 from softarm.estimator.intake.result import Disturbance
 from softarm.estimator.intake.streams import SampledStream, streams_of
@@ -85,7 +85,7 @@ def _has_law(recording: Recording, streams: tuple[SampledStream, ...]) -> bool:
 def _touches(recording: Recording, streams: tuple[SampledStream, ...]) -> Touches:
     """Find the stretches between motions that nothing provoked, of each moving stream."""
     fine = grid_of(recording, streams, FINEST)
-    motion = unprovoked_motion(fine)
+    motion = unexplained_motion(fine)
     ranges = ranges_of(fine.values)
     large = motion.excess > least_sizes(fine.units, ranges)
     large &= ~_near(_pulled(recording, fine)[: len(large)], round(2.0 / FINEST))[:, None]

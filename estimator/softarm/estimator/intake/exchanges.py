@@ -45,8 +45,10 @@ class Stretch:
         return tuple(labels)
 
 
-def mend_exchanges(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Mend names that change places within a body during a recording, where it is clear which are right."""
+def correct_exchanges(
+    recording: Recording, specimen: Specimen
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Correct marker names that are exchanged within a body during a recording, where this is unambiguous."""
     faults: list[RecordingFault] = []
     for names in rigid_bodies(recording, specimen):
         places = np.stack([recording.marker(name) for name in names], axis=1)
@@ -56,15 +58,15 @@ def mend_exchanges(recording: Recording, specimen: Specimen) -> tuple[Recording,
         # A stretch for each way in which the markers are named.
         ways = list({one.labels: one for one in stretches}.values())
         tried = [
-            Explanation(mended, likelihood_as_named(mended, specimen))
-            for mended in (_under_names(recording, names, stretches, way) for way in ways)
+            Explanation(corrected, likelihood_as_named(corrected, specimen))
+            for corrected in (_under_names(recording, names, stretches, way) for way in ways)
         ]
         choice = choose(tried)
         way = next(w for w, one in zip(ways, tried, strict=True) if one is choice.best)
         what = _describe(recording.time, names, stretches, way, jumps)
         if choice.unambiguous:
             recording = choice.best.what
-            cure = "mended for this run"
+            cure = "corrected for this run"
         else:
             cure = f"correct the names in the export: which are right is not clear (odds {choice.odds:.0f})"
         columns = tuple(f"marker_{name}" for name in names)

@@ -9,7 +9,7 @@ import numpy as np
 What = TypeVar("What")
 
 UNAMBIGUOUS = 100.0
-"""Odds of an explanation against the next from which a run is mended ("decisive": Jeffreys, Theory of
+"""Odds of an explanation against the next from which a run is corrected ("decisive": Jeffreys, Theory of
 Probability, 1961, appendix B)."""
 
 

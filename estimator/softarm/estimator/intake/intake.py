@@ -6,21 +6,21 @@ from pathlib import Path
 from softarm.estimator.diagnosis.stuck import stuck_pressures, without_pressures
 from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
-from softarm.estimator.intake.bodies import mend_places
-from softarm.estimator.intake.clocks import mend_clocks
+from softarm.estimator.intake.bodies import correct_places
+from softarm.estimator.intake.clocks import correct_clocks
 from softarm.estimator.intake.events import find_events
-from softarm.estimator.intake.exchanges import mend_exchanges
+from softarm.estimator.intake.exchanges import correct_exchanges
 from softarm.estimator.intake.frozen import frozen_pressures, unread_pressures
-from softarm.estimator.intake.labels import mend_labels
+from softarm.estimator.intake.labels import correct_labels
 from softarm.estimator.intake.limits import over_limit
-from softarm.estimator.intake.lost import mend_lost, mend_placeholders, mend_unrecorded
+from softarm.estimator.intake.lost import correct_lost, correct_placeholders, correct_unrecorded
 from softarm.estimator.intake.mounts import check_mount
 from softarm.estimator.intake.result import Intake, RecordingFault, without_motion
-from softarm.estimator.intake.sections import mend_bends, mend_sections
-from softarm.estimator.intake.signs import mend_signs
-from softarm.estimator.intake.still import mend_still
-from softarm.estimator.intake.time_axis import mend_time
-from softarm.estimator.intake.units import mend_units
+from softarm.estimator.intake.sections import correct_bends, correct_sections
+from softarm.estimator.intake.signs import correct_signs
+from softarm.estimator.intake.stuck import correct_stuck
+from softarm.estimator.intake.time_axis import correct_time
+from softarm.estimator.intake.units import correct_units
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen
 
@@ -66,7 +66,7 @@ def misfit(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, ..
     )
     return (
         RecordingFault(
-            recording.name, "structure", ("specimen",), "; ".join(dict.fromkeys(words)), cure, mended=False
+            recording.name, "structure", ("specimen",), "; ".join(dict.fromkeys(words)), cure, corrected=False
         ),
     )
 
@@ -87,44 +87,44 @@ def _swapped(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple
         refuse_swapped_channels(recording, specimen)
     except InputError as error:
         return recording, (
-            RecordingFault(recording.name, "labels", (), error.what, error.cure, mended=False),
+            RecordingFault(recording.name, "labels", (), error.what, error.cure, corrected=False),
         )
     return recording, ()
 
 
 Step = Callable[[Recording, Specimen], tuple[Recording, tuple[RecordingFault, ...]]]
 STEPS: tuple[Step, ...] = (
-    mend_time,
-    mend_unrecorded,
-    mend_placeholders,
-    mend_units,
-    mend_lost,
-    mend_exchanges,
-    mend_still,
-    mend_signs,
-    mend_sections,
-    mend_labels,
-    mend_places,
+    correct_time,
+    correct_unrecorded,
+    correct_placeholders,
+    correct_units,
+    correct_lost,
+    correct_exchanges,
+    correct_stuck,
+    correct_signs,
+    correct_sections,
+    correct_labels,
+    correct_places,
     check_mount,
-    mend_clocks,
-    mend_bends,
+    correct_clocks,
+    correct_bends,
     _swapped,
 )
 
 
-def take_in(recording: Recording, specimen: Specimen) -> Intake:
-    """Check a recording against its specimen, mend what is unambiguous, and find what no fit may see.
+def check_recording(recording: Recording, specimen: Specimen) -> Intake:
+    """Check a recording against its specimen, correct what is unambiguous, and find what no fit may see.
 
     Returns:
-        The recording, mended, with every fault and event that was found. A refused recording is not
+        The recording, corrected, with every fault and event that was found. A refused recording is not
         searched on.
     """
     intake = Intake(recording, misfit(recording, specimen))
     for step in STEPS:
         if intake.refusals:
             return intake
-        mended, faults = step(intake.recording, specimen)
-        intake = intake.with_recording(mended, faults)
+        corrected, faults = step(intake.recording, specimen)
+        intake = intake.with_recording(corrected, faults)
     beyond, limits = over_limit(intake.recording, specimen)
     frozen, unrecorded = frozen_pressures(intake.recording, specimen)
     unread, lost = unread_pressures(intake.recording)

@@ -93,8 +93,8 @@ class Labelling:
     mirrored: bool
 
 
-def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Find exchanged markers and a mirrored laboratory, and mend them where one explanation wins."""
+def correct_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Find exchanged markers and a mirrored laboratory, and correct them where one explanation wins."""
     markers = _layout(recording, specimen)
     if not any(len(markers.of(section)) >= 3 for section in set(markers.sections)):
         return recording, ()
@@ -112,7 +112,9 @@ def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
     if worst > MISFIT * PLACED:
         what = f"the markers lie up to {1e3 * worst:.0f} mm off their places in the specimen under any names"
         cure = "give the specimen whose markers these are, or correct their offset_m"
-        return recording, (RecordingFault(recording.name, "labels", markers.names, what, cure, mended=False),)
+        return recording, (
+            RecordingFault(recording.name, "labels", markers.names, what, cure, corrected=False),
+        )
     if best == sensible:
         return recording, ()
     before = _worst(points, sensible.labels, False)
@@ -122,7 +124,7 @@ def mend_labels(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
         names, kind = _at_fault(markers, best)
         what = ", or ".join(describe(markers, one) for one in rivals[:3])
         cure = "correct the names or the axes of the export: neither frames nor pressures show which it is"
-        return recording, (RecordingFault(recording.name, kind, names, what, cure, mended=False),)
+        return recording, (RecordingFault(recording.name, kind, names, what, cure, corrected=False),)
     if shown == sensible:
         return recording, ()
     odds = choice.odds if choice.unambiguous and shown == best else np.inf
@@ -180,8 +182,8 @@ def _shown(
     """Return the only one of some explanations that frames or pressures agree with."""
     if len(rivals) == 1:
         return rivals[0]
-    mended = [_applied(recording, specimen, markers, one) for one in rivals]
-    tried = [(one, own) for one, (own, where) in zip(rivals, mended, strict=True) if where is not None]
+    corrected = [_applied(recording, specimen, markers, one) for one in rivals]
+    tried = [(one, own) for one, (own, where) in zip(rivals, corrected, strict=True) if where is not None]
     shown = only_agreeing([own for _, own in tried], specimen)
     return None if shown is None else tried[shown][0]
 
@@ -196,7 +198,7 @@ def _renamed(
     after: float,
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
     names, kind = _at_fault(markers, best)
-    mended, where = _applied(recording, specimen, markers, best)
+    corrected, where = _applied(recording, specimen, markers, best)
     if where is None:
         what = f"{describe(markers, best)}, and under no axis are the markers in the laboratory of the frames"
         cure = "export frames and markers in one right-handed laboratory"
@@ -206,8 +208,8 @@ def _renamed(
     else:  # markers in one plane fit their section either way
         fits = "only so do the sections lie and point as they do in the specimen"
     what = f"{describe(markers, best, where)}: {fits}"
-    mismatch = RecordingFault(recording.name, kind, names, what, "mended for this run", True, odds)
-    return mended, (mismatch,)
+    mismatch = RecordingFault(recording.name, kind, names, what, "corrected for this run", True, odds)
+    return corrected, (mismatch,)
 
 
 def _at_fault(markers: MarkerLayout, best: Labelling) -> tuple[tuple[str, ...], Kind]:
@@ -219,7 +221,7 @@ def _at_fault(markers: MarkerLayout, best: Labelling) -> tuple[tuple[str, ...], 
 def _applied(
     recording: Recording, specimen: Specimen, markers: MarkerLayout, best: Labelling
 ) -> tuple[Recording, str | None]:
-    """Mend names and the mirrored axis; which one it is, in words, or ``None`` where frames contradict all.
+    """Correct names and the mirrored axis; name the axis, or return ``None`` where frames contradict all.
 
     Without frames any axis will do, since the base's markers register the rest.
     """
@@ -229,12 +231,12 @@ def _applied(
             columns[f"marker_{markers.names[k]}_{suffix}"] = recording.columns[
                 f"marker_{markers.names[label]}_{suffix}"
             ]
-    mended = replace(recording, columns=columns)
+    corrected = replace(recording, columns=columns)
     if not best.mirrored:
-        return mended, ""
+        return corrected, ""
     if not any(np.isfinite(recording.pose(section)).any() for section in recording.frames):
-        return mirror_markers(mended, 0), "one axis of the laboratory frame"
-    alone = [mirror_markers(mended, axis) for axis in range(3)]
+        return mirror_markers(corrected, 0), "one axis of the laboratory frame"
+    alone = [mirror_markers(corrected, axis) for axis in range(3)]
     tried = [*alone, *(mirror_frames(one, axis, whole=True) for axis, one in enumerate(alone))]
     found = shown_by_markers(tried, specimen)
     if found is None:

@@ -82,7 +82,7 @@ class Predictors:
         below = np.where(below > PLAY, 1.0 + below, 0.0)
         return Predictors(time, scaled, np.column_stack(memory), np.minimum(rate[:, 0], 1.0), below)
 
-    def take(self, index: Indices) -> "Predictors":
+    def subset(self, index: Indices) -> "Predictors":
         """Keep some samples."""
         return Predictors(
             self.time[index],
@@ -157,7 +157,7 @@ def fit_variances(inputs: Predictors, values: Floats, weights: Floats, start: Fl
         start: Where the search begins.
     """
     index = np.unique(np.linspace(0, len(values) - 1, HYPER).astype(np.int64))
-    parts = np.array(covariances(inputs.take(index), weights[index]))
+    parts = np.array(covariances(inputs.subset(index), weights[index]))
     y = values[index]
 
     def negative(theta: Floats) -> tuple[float, Floats]:
@@ -244,7 +244,7 @@ def stretch_left_out(
         shape (rows, rows).
     """
     covariance = np.linalg.inv(inverse[np.ix_(rows, rows)])
-    own = inputs.take(rows)
+    own = inputs.subset(rows)
     weighed, plain = (
         sum(
             np.exp(v) * part
@@ -257,7 +257,7 @@ def stretch_left_out(
     return covariance @ (inverse @ values)[rows], (axes * np.maximum(sizes, 0.0)) @ axes.T + plain
 
 
-def own_noise(inputs: Predictors, variances: Floats) -> Floats:
+def sensor_noise(inputs: Predictors, variances: Floats) -> Floats:
     """Compute the variance of what the law leaves at each sample of weight one, shape (samples,)."""
     scales = dict(zip(PARTS, np.exp(variances), strict=True))
     noise: Floats = scales["noise"] + scales["discrepancy"] + scales["swing"] * inputs.rate**2

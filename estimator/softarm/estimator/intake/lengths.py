@@ -36,11 +36,11 @@ Bodies = Mapping[str, tuple[Floats, Floats]]
 """Names of bodies as their columns begin, with their usual place as recorded and that of the specimen [m]."""
 
 
-def mend_lengths(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+def correct_lengths(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Bring positions to metres: markers and frames each have a size that the specimen knows."""
     found: list[RecordingFault] = []
     units: list[str] = []
-    mended = recording
+    corrected = recording
     for kind, bodies in (("frame", _frames(recording, specimen)), ("marker", _markers(recording, specimen))):
         far = _far(bodies)
         near = {name: places for name, places in bodies.items() if name not in far}
@@ -49,16 +49,16 @@ def mend_lengths(recording: Recording, specimen: Specimen) -> tuple[Recording, t
             continue
         unit, fault = _common_unit(recording, tuple(near), kind, sizes)
         found += [fault] if fault else []
-        if fault is None or fault.mended:
+        if fault is None or fault.corrected:
             units.append(unit)
-            mended = _scaled(mended, tuple(near), LENGTHS[unit][0])
+            corrected = _scaled(corrected, tuple(near), LENGTHS[unit][0])
             for name in far:
-                mended, more = _single(mended, specimen, name, bodies, LENGTHS[unit][0])
+                corrected, more = _single(corrected, specimen, name, bodies, LENGTHS[unit][0])
                 found += more
-    if all(fault.mended for fault in found):
-        mended, others = _others(mended, specimen, units)
+    if all(fault.corrected for fault in found):
+        corrected, others = _others(corrected, specimen, units)
         found += others
-    return mended, tuple(found)
+    return corrected, tuple(found)
 
 
 def _common_unit(
@@ -74,8 +74,8 @@ def _common_unit(
     cure = "converted for this run"
     if not choice.unambiguous:
         cure = f"convert them to metres (odds only {choice.odds:.0f} against {choice.second.what})"
-    mended = choice.unambiguous
-    return unit, RecordingFault(recording.name, "unit", columns, what, cure, mended, choice.odds)
+    corrected = choice.unambiguous
+    return unit, RecordingFault(recording.name, "unit", columns, what, cure, corrected, choice.odds)
 
 
 def _choice(size: float, expected: float, spread: float) -> BestExplanation[str]:
@@ -134,9 +134,9 @@ def _single(
     else:
         what += f": it is in {unit} or {choice.second.what}"
         cure = f"convert it to metres (odds only {choice.odds:.0f})"
-    mended = bool(unit) and choice.unambiguous
-    fault = RecordingFault(recording.name, "unit", _positions(name), what, cure, mended, choice.odds)
-    return _scaled(recording, (name,), LENGTHS[unit][0]) if mended else recording, (fault,)
+    corrected = bool(unit) and choice.unambiguous
+    fault = RecordingFault(recording.name, "unit", _positions(name), what, cure, corrected, choice.odds)
+    return _scaled(recording, (name,), LENGTHS[unit][0]) if corrected else recording, (fault,)
 
 
 def _others(
@@ -149,7 +149,7 @@ def _others(
     if not described:
         return recording, ()
     middle = np.median([place for place, _ in described.values()], axis=0)
-    mended, found = recording, []
+    corrected, found = recording, []
     for name in (f"marker_{one}" for one in recording.markers if f"marker_{one}" not in described):
         place = _usual(recording.stack(_positions(name)))
         away = {unit: float(np.linalg.norm(place * LENGTHS[unit][0] - middle)) for unit in ("metres", *units)}
@@ -158,13 +158,13 @@ def _others(
         unit = min(away, key=lambda one: away[one])
         what = f"{name} lies {away['metres']:.4g} m from the arm"
         if away[unit] < REACH:
-            mended = _scaled(mended, (name,), LENGTHS[unit][0])
+            corrected = _scaled(corrected, (name,), LENGTHS[unit][0])
             what, cure = f"{what}: it is in {unit} as the others", "converted for this run"
         else:
             cure = "convert it to metres, or leave its cells empty where it was not seen"
         close = away[unit] < REACH
         found.append(RecordingFault(recording.name, "unit", _positions(name), what, cure, close))
-    return mended, tuple(found)
+    return corrected, tuple(found)
 
 
 def _scaled(recording: Recording, bodies: tuple[str, ...], factor: float) -> Recording:

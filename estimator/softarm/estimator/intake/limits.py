@@ -44,7 +44,9 @@ def over_limit(
             "check the unit and the zero of these pressures: gauge pressures in Pa are expected; raise "
             "pressure_limit_pa in the specimen only if it is known that the arm withstands them"
         )
-        return stretches, (RecordingFault(recording.name, "limit", ("pressures",), what, cure, mended=False),)
+        return stretches, (
+            RecordingFault(recording.name, "limit", ("pressures",), what, cure, corrected=False),
+        )
     listed = ", ".join(f"{begin:.1f} to {end:.1f} s" for begin, end in stretches[:5])
     more = f" and {len(stretches) - 5} more" if len(stretches) > 5 else ""
     return stretches, (

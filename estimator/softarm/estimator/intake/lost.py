@@ -33,7 +33,7 @@ BACK = 0.3
 """Share of an excursion by which the samples before and after may differ."""
 
 
-def mend_lost(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+def correct_lost(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Count zeros of lost bodies and spikes as lost readings.
 
     Optical systems write zeros for a body that they do not see. A spike leaves and returns within
@@ -66,7 +66,9 @@ def mend_lost(recording: Recording, specimen: Specimen) -> tuple[Recording, tupl
     return replace(recording, columns=columns), (found,)
 
 
-def mend_unrecorded(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+def correct_unrecorded(
+    recording: Recording, specimen: Specimen
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Drop pressures without any reading, and name the chambers that count as vented for want of one."""
     empty = {
         name
@@ -91,7 +93,7 @@ def mend_unrecorded(recording: Recording, specimen: Specimen) -> tuple[Recording
     return recording, (RecordingFault(recording.name, "lost", columns, what, cure),)
 
 
-def mend_placeholders(
+def correct_placeholders(
     recording: Recording,
     specimen: Specimen,  # noqa: ARG001
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:

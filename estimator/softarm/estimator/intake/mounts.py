@@ -55,7 +55,9 @@ def check_mount(recording: Recording, specimen: Specimen) -> tuple[Recording, tu
         else f"record the frame or three markers of the {base}, or give all positions in its frame"
     )
     names = tuple(body.name for body in bodies)
-    return recording, (RecordingFault(recording.name, "frame", names, words + NOTHING, cure, mended=False),)
+    return recording, (
+        RecordingFault(recording.name, "frame", names, words + NOTHING, cure, corrected=False),
+    )
 
 
 def _seen(recording: Recording, specimen: Specimen, base: str) -> bool:
@@ -83,10 +85,10 @@ def _against_base(recording: Recording, specimen: Specimen) -> tuple[RecordingFa
         if found.is_mirrored
         else "number the chambers as the specimen does, or name the base's markers as it does"
         if by_markers
-        else "turn the axes of the base's body as the specimen's are, or number the chambers as it does"
+        else "rotate the axes of the base's body to those of the specimen, or number the chambers as it does"
     )
     names = tuple(body.name for body in bodies_of(recording, specimen))
-    return (RecordingFault(recording.name, "frame", names, words, cure, mended=False),)
+    return (RecordingFault(recording.name, "frame", names, words, cure, corrected=False),)
 
 
 def registered_directions(recording: Recording, specimen: Specimen) -> BendingDirections | None:
@@ -102,7 +104,7 @@ def registered_directions(recording: Recording, specimen: Specimen) -> BendingDi
 
 
 def only_agreeing(recordings: Sequence[Recording], specimen: Specimen) -> int | None:
-    """Return which one of several mended recordings markers or pressures agree with, if one alone.
+    """Return which one of several corrected recordings markers or pressures agree with, if one alone.
 
     Its markers fit its frames, or chambers bend the arm away from their azimuths.
     """
@@ -140,7 +142,7 @@ def _off_rest(recording: Recording, specimen: Specimen, bodies: list[LooseBody])
         own = body.place[calm & np.isfinite(body.place).all(axis=1)]
         away = float(np.linalg.norm(np.median(own, axis=0) - body.rest)) if len(own) else 0.0
         if away > most * AWAY * specimen.length_m:
-            return f"{body.name} lies {1e3 * away:.0f} mm off its rest in the base frame {CALM}"
+            return f"{body.name} lies {1e3 * away:.0f} mm from its rest position in the base frame {CALM}"
     return ""
 
 
@@ -153,7 +155,8 @@ def _tilted(recording: Recording, specimen: Specimen) -> str:
         rest = from_quaternions(np.array(section.frame_quaternion))[:, 2]
         tilt = float(np.median(np.arccos(np.clip(axes @ rest, -1.0, 1.0)))) if len(axes) else 0.0
         if tilt > most * TILT:
-            return f"frame_{section.name} is tilted by {np.degrees(tilt):.0f} degrees against its rest {CALM}"
+            size = f"{np.degrees(tilt):.0f} degrees"
+            return f"frame_{section.name} is tilted by {size} from its rest orientation {CALM}"
     return ""
 
 

@@ -39,7 +39,7 @@ BLIND = 3.0
 
 
 @dataclass(frozen=True)
-class Unprovoked:
+class UnexplainedMotion:
     """By how much each value moved beyond what the pressures provoke.
 
     Args:
@@ -51,11 +51,11 @@ class Unprovoked:
     excess: Floats
 
 
-def unprovoked_motion(grid: Grid) -> Unprovoked:
+def unexplained_motion(grid: Grid) -> UnexplainedMotion:
     """Compare motion over short spans with that of the pressures."""
     short, long = (_over_span(grid, max(1, round(span / grid.step))) for span in SPANS)
     excess = np.maximum(long, short[: len(long)])
-    return Unprovoked(grid.time[: len(long)] + 0.5 * SPANS[-1], excess)
+    return UnexplainedMotion(grid.time[: len(long)] + 0.5 * SPANS[-1], excess)
 
 
 def _over_span(grid: Grid, width: int) -> Floats:

@@ -26,7 +26,7 @@ class RecordingFault:
         columns: Streams or columns at fault.
         what: The fault with its numbers, without a full stop.
         cure: What was done for this run, or what the user can do.
-        mended: Whether the run was mended; otherwise it is refused.
+        corrected: Whether the run was corrected; otherwise it is refused.
         odds: Odds of this explanation against the next; infinite where there is no other.
         interval: From when to when [s], where it does not concern the whole recording.
     """
@@ -36,7 +36,7 @@ class RecordingFault:
     columns: tuple[str, ...]
     what: str
     cure: str
-    mended: bool = True
+    corrected: bool = True
     odds: float = np.inf
     interval: tuple[float, float] | None = None
 
@@ -115,7 +115,7 @@ class Intake:
     """A recording after intake.
 
     Args:
-        recording: The recording, mended where that was unambiguous.
+        recording: The recording, corrected where that was unambiguous.
         mismatches: What did not fit.
         events: Stretches that no steady law explains.
         excluded: Stretches [s] that no fit may see, those of events among them.
@@ -130,14 +130,14 @@ class Intake:
 
     @property
     def refusals(self) -> tuple[InputError, ...]:
-        """Faults that could not be mended unambiguously."""
-        return tuple(one.error for one in self.mismatches if not one.mended)
+        """Faults that could not be corrected unambiguously."""
+        return tuple(one.error for one in self.mismatches if not one.corrected)
 
     @property
     def sentences(self) -> tuple[str, ...]:
         """All that was found, one sentence each."""
-        mended = (one.statement for one in self.mismatches if one.mended)
-        return (*mended, *(event.statement for event in self.events))
+        corrected = (one.statement for one in self.mismatches if one.corrected)
+        return (*corrected, *(event.statement for event in self.events))
 
     @property
     def for_fits(self) -> Recording:
@@ -170,7 +170,7 @@ class Intake:
         """Return this intake unless the recording is refused.
 
         Raises:
-            InputError: A fault could not be mended.
+            InputError: A fault could not be corrected.
         """
         if self.refusals:
             raise self.refusals[0]

@@ -42,13 +42,13 @@ WRONG_BEND = np.radians(2.0)
 ALIKE = 0.3
 """Share of that difference that an exchange may leave."""
 SAMPLES = 60
-MISFIT, MENDED = 1.5, 1.1
+MISFIT, CORRECTED = 1.5, 1.1
 """Chords that the best explanation misses by so many times ``CHORD`` are no arm of this specimen; from the
-second on no explanation is good enough to mend by. Of 400 simulated recordings of SoPrA, hanging and held
+second on no explanation is good enough to correct by. Of 400 simulated recordings of SoPrA, hanging and held
 sideways, with up to two faults of the arm, half miss by 0.24 or less, 99 % by 0.57 and all by 0.87."""
 SCALAR_FIRST = [3, 0, 1, 2]
 """Where w, x, y and z stand in a quaternion (x, y, z, w)."""
-UPSIDE_DOWN = "the z axes of all bodies point against the arm"
+UPSIDE_DOWN = "the z axes of all bodies point from the tip to the base"
 
 
 @dataclass(frozen=True)
@@ -60,7 +60,7 @@ class SensorChannels:
         mirrored: Mirrored axis of the positions.
         axis: Axis of the base's body that points along the arm,
         sign: and its sign.
-        reversed: Whether the z axes of all bodies point against the arm.
+        reversed: Whether the z axes of all bodies point from the tip to the base.
         scalar_last: Whether quaternions were written as (x, y, z, w).
     """
 
@@ -72,8 +72,10 @@ class SensorChannels:
     scalar_last: bool = False
 
 
-def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Find exchanged sections and mirrored or rotated frames, and mend them where one explanation wins."""
+def correct_sections(
+    recording: Recording, specimen: Specimen
+) -> tuple[Recording, tuple[RecordingFault, ...]]:
+    """Find exchanged sections and mirrored or rotated frames, and correct them where one explanation wins."""
     names = [section.name for section in specimen.sections if section.name in recording.frames]
     if len(names) < 2 or names[0] != specimen.sections[0].name:
         return recording, ()
@@ -90,10 +92,12 @@ def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, 
     best = choice.best.what
     off = _distance(poses, rotations, heights, best)
     plain = best == _setups(len(names))[0]
-    if off > (MISFIT if plain else MENDED) * CHORD * heights[-1]:
+    if off > (MISFIT if plain else CORRECTED) * CHORD * heights[-1]:
         what = f"positions and orientations of {', '.join(names)} contradict each other by {1e3 * off:.0f} mm"
         cure = "check the order of the quaternion (w, x, y, z), the axes of the bodies, and the specimen"
-        return recording, (RecordingFault(recording.name, "frame", tuple(names), what, cure, mended=False),)
+        return recording, (
+            RecordingFault(recording.name, "frame", tuple(names), what, cure, corrected=False),
+        )
     if plain:
         return recording, ()
     rivals = [
@@ -104,7 +108,7 @@ def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, 
     words = _describe(names, best)
     columns = tuple(f"frame_{name}" for name in names)
     if best.axis != 2 or best.sign < 0.0:
-        cure = "define the body so that its z points along the arm; how it is turned about z cannot be known"
+        cure = "define the body so that its z points along the arm; its rotation about z cannot be determined"
         return recording, (
             RecordingFault(recording.name, "frame", columns[:1], words, cure, False, choice.odds),
         )
@@ -114,7 +118,7 @@ def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, 
         what = f"{words}, or {_describe(names, choice.second.what)}"
         cure = f"correct the export (odds only {choice.odds:.0f})"
         return recording, (RecordingFault(recording.name, "frame", columns, what, cure, False, choice.odds),)
-    mended, follow = _mended(recording, specimen, names, best)
+    corrected, follow = _corrected(recording, specimen, names, best)
     if follow is None:
         what = f"{words}, and the markers fit the frames neither with that axis mirrored nor without"
         cure = "export frames and markers in one right-handed laboratory"
@@ -123,12 +127,12 @@ def mend_sections(recording: Recording, specimen: Specimen) -> tuple[Recording, 
     fits = f"positions follow from orientations to {1e3 * off:.0f} instead of {1e3 * before:.0f} mm"
     what = f"{words}{follow}: {fits}"
     mismatch = RecordingFault(
-        recording.name, "frame", columns, what, "mended for this run", True, choice.odds
+        recording.name, "frame", columns, what, "corrected for this run", True, choice.odds
     )
-    return mended, (mismatch,)
+    return corrected, (mismatch,)
 
 
-def mend_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+def correct_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Exchange bends that belong to each other's section, where frames show the tilts as well."""
     order = [section.name for section in specimen.sections]
     tilts = {}
@@ -158,7 +162,7 @@ def mend_bends(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
     what = f"bends of {' and '.join(names)} are exchanged: {fits}"
     streams = tuple(f"bend_{name}" for name in names)
     return replace(recording, columns=columns), (
-        RecordingFault(recording.name, "labels", streams, what, "mended for this run"),
+        RecordingFault(recording.name, "labels", streams, what, "corrected for this run"),
     )
 
 
@@ -253,8 +257,8 @@ def _shown(
     """Return the only one of some explanations that markers or pressures agree with."""
     if any(setup.axis != 2 or setup.sign < 0.0 for setup in rivals):  # such a body may be rotated about z
         return None
-    mended = [_mended(recording, specimen, names, setup)[0] for setup in rivals]
-    shown = only_agreeing(mended, specimen)
+    corrected = [_corrected(recording, specimen, names, setup)[0] for setup in rivals]
+    shown = only_agreeing(corrected, specimen)
     return None if shown is None else rivals[shown]
 
 
@@ -269,16 +273,16 @@ def _whole_mirror(
     if best == 1 or (best is None and found is not None and found.as_specimen):
         shown = "the markers" if best == 1 else "the pressures"
         what = f"the z axis of the laboratory is mirrored, in positions and orientations, as {shown} show"
-        return together, (RecordingFault(recording.name, "frame", columns, what, "mended for this run"),)
+        return together, (RecordingFault(recording.name, "frame", columns, what, "corrected for this run"),)
     what = f"{UPSIDE_DOWN}, or the laboratory is left-handed"
     cure = "export a right-handed laboratory, and define the bodies so that their z points along the arm"
-    return recording, (RecordingFault(recording.name, "frame", columns, what, cure, mended=False),)
+    return recording, (RecordingFault(recording.name, "frame", columns, what, cure, corrected=False),)
 
 
-def _mended(
+def _corrected(
     recording: Recording, specimen: Specimen, names: Sequence[str], setup: SensorChannels
 ) -> tuple[Recording, str | None]:
-    """Mend the frames, and the markers where they share the mirrored axis; words on the markers, if known."""
+    """Correct the frames, and the markers where they share the mirrored axis; describe the markers."""
     columns = dict(recording.columns)
     for k, label in enumerate(setup.labels):
         for suffix in POSE_SUFFIXES:
@@ -287,11 +291,11 @@ def _mended(
         for name in names:
             pose = recording.pose(name)[:, 3:][:, SCALAR_FIRST]
             columns |= {f"frame_{name}_q{letter}": pose[:, k] for k, letter in enumerate("wxyz")}
-    mended = replace(recording, columns=columns)
+    corrected = replace(recording, columns=columns)
     if setup.mirrored is None and not setup.reversed:
-        return mended, ""
+        return corrected, ""
     axis = 2 if setup.mirrored is None else setup.mirrored
-    alone = mirror_frames(mended, axis, whole=setup.reversed)
+    alone = mirror_frames(corrected, axis, whole=setup.reversed)
     together = mirror_markers(alone, axis)
     distances = np.array([marker_distance(one, specimen) for one in (alone, together)])
     if np.isnan(distances).all():

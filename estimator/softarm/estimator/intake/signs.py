@@ -20,7 +20,7 @@ BELOW = 0.15
 """Share of the limit by which pressures may fall below that of the air."""
 
 
-def mend_signs(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+def correct_signs(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Reverse the sign of gauges whose cord would push, and refuse pressures far below that of the air."""
     suction = _suction(recording, specimen)
     return (recording, suction) if suction else _pull_signs(recording)
@@ -33,9 +33,11 @@ def _suction(recording: Recording, specimen: Specimen) -> tuple[RecordingFault, 
         low = float(np.percentile(valid, 2.0)) if len(valid) else 0.0
         if low < -BELOW * specimen.pressure_limits[chamber]:
             what = f"the pressure of chamber {chamber} falls to {low / 1e3:.1f} kPa below that of the air"
-            cure = "turn its sign, or add what its sensor reads when vented"
+            cure = "reverse its sign, or add what its sensor reads when vented"
             return (
-                RecordingFault(recording.name, "sign", (f"pressure_{chamber}_pa",), what, cure, mended=False),
+                RecordingFault(
+                    recording.name, "sign", (f"pressure_{chamber}_pa",), what, cure, corrected=False
+                ),
             )
     return ()
 

@@ -26,15 +26,15 @@ the air and the creep of the arm are others, and a clock that jumps goes on by a
 since 1970. All steps of the intake look at windows of 0.05 s, which hold nothing over a pause."""
 
 
-def mend_time(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:  # noqa: ARG001
+def correct_time(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:  # noqa: ARG001
     """Bring the time to seconds where another unit agrees with the stated rate.
 
     Refused are steps that agree in no unit, steps of unknown unit, and long pauses.
     """
     if len(recording.time) < 2:
         return recording, ()
-    mended, faults = _in_seconds(recording)
-    return mended, faults or _pauses(mended)
+    corrected, faults = _in_seconds(recording)
+    return corrected, faults or _pauses(corrected)
 
 
 def _in_seconds(recording: Recording) -> tuple[Recording, tuple[RecordingFault, ...]]:
@@ -60,8 +60,8 @@ def _in_seconds(recording: Recording) -> tuple[Recording, tuple[RecordingFault, 
             _refused(recording, what, "give t_s in seconds, or correct rate_hz in recording.toml"),
         )
     what = f"t_s rises by {step:.4g} a sample at a stated rate of {rate:g} Hz: it is in {unit}"
-    mended = RecordingFault(recording.name, "unit", ("t_s",), what, "converted for this run")
-    return replace(recording, time=recording.time * UNITS[unit]), (mended,)
+    corrected = RecordingFault(recording.name, "unit", ("t_s",), what, "converted for this run")
+    return replace(recording, time=recording.time * UNITS[unit]), (corrected,)
 
 
 def _steps(recording: Recording) -> Floats:
@@ -80,7 +80,7 @@ def _agree(steps: Floats, rate: float) -> bool:
 
 
 def _refused(recording: Recording, what: str, cure: str) -> RecordingFault:
-    return RecordingFault(recording.name, "unit", ("t_s",), what, cure, mended=False)
+    return RecordingFault(recording.name, "unit", ("t_s",), what, cure, corrected=False)
 
 
 def _pauses(recording: Recording) -> tuple[RecordingFault, ...]:
@@ -96,7 +96,7 @@ def _pauses(recording: Recording) -> tuple[RecordingFault, ...]:
         f"usual step is {usual:.4g} s: a clock that jumped, or several recordings in one"
     )
     cure = f"correct t_s from row {place + 2} on, or give the rows before and after as two recordings"
-    return (RecordingFault(recording.name, "clock", ("t_s",), what, cure, mended=False),)
+    return (RecordingFault(recording.name, "clock", ("t_s",), what, cure, corrected=False),)
 
 
 def _seconds(step: float) -> str:

@@ -24,9 +24,9 @@ from softarm.estimator.intake.bend_units import (
     mixed_bends,
     slopes_by_pressure,
 )
-from softarm.estimator.intake.clocks import mend_clocks
+from softarm.estimator.intake.clocks import correct_clocks
 from softarm.estimator.intake.hypotheses import Explanation, choose
-from softarm.estimator.intake.lengths import mend_lengths
+from softarm.estimator.intake.lengths import correct_lengths
 from softarm.estimator.intake.lost import without_zeros
 from softarm.estimator.intake.result import Kind, RecordingFault
 from softarm.estimator.recording import Recording
@@ -105,29 +105,29 @@ class Units:
         return self.absolute_commands if kind == "commanded" else self.absolute
 
 
-def mend_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+def correct_units(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Bring pressures to gauge pressures in pascals, bends to radians, lengths to metres.
 
     Returns:
-        The recording, mended where one explanation wins, and what was found.
+        The recording, corrected where one explanation wins, and what was found.
     """
-    mended, lengths = mend_lengths(recording, specimen)
-    stated, contradictions = _stated(mended, specimen)
+    corrected, lengths = correct_lengths(recording, specimen)
+    stated, contradictions = _stated(corrected, specimen)
     if contradictions:
-        return mended, (*lengths, *contradictions)
-    aligned = _aligned(mended, specimen)
-    in_degrees, mixed = mixed_bends(mended, aligned, specimen)
-    if not all(one.mended for one in mixed):
-        return mended, (*lengths, *mixed)
-    mended, aligned = (in_radians(one, in_degrees) for one in (mended, aligned))
+        return corrected, (*lengths, *contradictions)
+    aligned = _aligned(corrected, specimen)
+    in_degrees, mixed = mixed_bends(corrected, aligned, specimen)
+    if not all(one.corrected for one in mixed):
+        return corrected, (*lengths, *mixed)
+    corrected, aligned = (in_radians(one, in_degrees) for one in (corrected, aligned))
     strays: tuple[RecordingFault, ...] = ()
     if stated is None:
-        mended, strays = _single_chambers(mended, aligned, specimen)
-    mended, found = _pressures_and_bends(mended, aligned, specimen, stated)
-    if all(one.mended for one in found):
-        mended, absolute = _single_absolute(mended, specimen)
+        corrected, strays = _single_chambers(corrected, aligned, specimen)
+    corrected, found = _pressures_and_bends(corrected, aligned, specimen, stated)
+    if all(one.corrected for one in found):
+        corrected, absolute = _single_absolute(corrected, specimen)
         found = (*found, *absolute)
-    return mended, (*lengths, *mixed, *strays, *found)
+    return corrected, (*lengths, *mixed, *strays, *found)
 
 
 def pressure_columns(recording: Recording, kind: str) -> tuple[str, ...]:
@@ -147,7 +147,7 @@ def _stated(recording: Recording, specimen: Specimen) -> tuple[str | None, tuple
     if unit is None:
         what = f"pressure_unit is {stated!r} in recording.toml, which is none of {listed}"
         cure = "convert the pressures to Pa, or state one of these"
-        return None, (RecordingFault(recording.name, "unit", ("pressures",), what, cure, mended=False),)
+        return None, (RecordingFault(recording.name, "unit", ("pressures",), what, cure, corrected=False),)
     limit = max(specimen.pressure_limits, default=np.inf)
     for kind in ("measured", "commanded"):
         sizes = _sizes(recording, kind)
@@ -159,7 +159,7 @@ def _stated(recording: Recording, specimen: Specimen) -> tuple[str | None, tuple
             )
             cure = "correct pressure_unit, or the columns"
             columns = pressure_columns(recording, kind)
-            return unit, (RecordingFault(recording.name, "unit", columns, what, cure, mended=False),)
+            return unit, (RecordingFault(recording.name, "unit", columns, what, cure, corrected=False),)
     return unit, ()
 
 
@@ -187,13 +187,15 @@ def _pressures_and_bends(
         cure = "subtract the pressure of the air from the columns, or record a vented stretch"
         return recording, (RecordingFault(recording.name, "offset", columns, what, cure, False, choice.odds),)
     known = {kind: air for kind, air in offsets.items() if air is not None}
-    mended = _converted(recording, found, known)
+    corrected = _converted(recording, found, known)
     if stated:
-        mended = replace(mended, info={**mended.info, "pressure_unit": "Pa"})
+        corrected = replace(corrected, info={**corrected.info, "pressure_unit": "Pa"})
     kind: Kind = "offset" if known else "unit"
     airs = " and ".join(f"{air:.0f}" for air in known.values())
     done = f"counted as {airs} Pa above vacuum at rest and converted" if known else "converted for this run"
-    return mended, (RecordingFault(recording.name, kind, columns, "; ".join(words), done, True, choice.odds),)
+    return corrected, (
+        RecordingFault(recording.name, kind, columns, "; ".join(words), done, True, choice.odds),
+    )
 
 
 def _single_chambers(
@@ -283,9 +285,9 @@ def _aligned(recording: Recording, specimen: Specimen) -> Recording:
     sizes = _spans(recording)
     plain = {name: recording.columns[name] * (ANY_PRESSURE / size) for name, size in sizes.items() if size}
     seen = without_zeros(replace(recording, columns={**recording.columns, **plain}))
-    mended, _ = mend_clocks(seen, specimen)
-    back = {name: mended.columns[name] * (sizes[name] / ANY_PRESSURE) for name in plain}
-    return replace(mended, columns={**mended.columns, **back})
+    corrected, _ = correct_clocks(seen, specimen)
+    back = {name: corrected.columns[name] * (sizes[name] / ANY_PRESSURE) for name in plain}
+    return replace(corrected, columns={**corrected.columns, **back})
 
 
 def _explanations(

@@ -24,8 +24,8 @@ from softarm.estimator.intake.law import (
     fit_variances,
     left_out,
     open_law,
-    own_noise,
     precision,
+    sensor_noise,
     stretch_left_out,
 )
 from softarm.estimator.series import joined
@@ -159,7 +159,7 @@ def law_errors(
     rows = np.flatnonzero(np.isfinite(grid.values).all(axis=1) & free)
     if len(rows) * grid.step < SHORTEST:
         return None
-    inputs = Predictors.of(grid.time, grid.pressures).take(rows)
+    inputs = Predictors.of(grid.time, grid.pressures).subset(rows)
     values = grid.values[rows] - np.median(grid.values[rows], axis=0)
     given = spreads is not None
     spreads = np.std(values, axis=0) if spreads is None else spreads
@@ -224,7 +224,7 @@ def _robust(
         second = left_out(inverse, values, ((clock + BLOCK / 2) // BLOCK).astype(np.int64))
         inner = np.abs(clock % BLOCK - BLOCK / 2) < BLOCK / 4
         errors = np.where(inner[:, None], first[0], second[0])
-        noise = own_noise(inputs, theta)
+        noise = sensor_noise(inputs, theta)
         variances = (
             np.maximum(np.where(inner, first[1], second[1]) - noise / weights, 0.0) + noise + LAW_ERROR**2
         )

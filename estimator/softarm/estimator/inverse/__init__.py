@@ -3,7 +3,7 @@
 from softarm.estimator.inverse.compensation import Compensation, approach, replace_loads, settle
 from softarm.estimator.inverse.contact_profile import ContactPlace, ContactProfile
 from softarm.estimator.inverse.estimate import ArmEstimate, Problem
-from softarm.estimator.inverse.fallback import FallbackEstimator, Pursuit
+from softarm.estimator.inverse.fallback import BackgroundSolver, FallbackEstimator
 from softarm.estimator.inverse.limits import InputBounds
 from softarm.estimator.inverse.minimise import Minimum, Status, Tolerances, minimise
 from softarm.estimator.inverse.objectives import (
@@ -21,6 +21,7 @@ from softarm.estimator.inverse.unknowns import Unknowns
 
 __all__ = [
     "ArmEstimate",
+    "BackgroundSolver",
     "Compensation",
     "ContactPlace",
     "ContactProfile",
@@ -35,7 +36,6 @@ __all__ = [
     "PressureReadings",
     "Prior",
     "Problem",
-    "Pursuit",
     "QuadraticProgram",
     "SensorObjective",
     "Status",

@@ -23,7 +23,7 @@ Step = TypeVar("Step", bound=Linearisation)
 
 TOLERANCE = 3.0
 """A pose is met when every reading is within so many standard deviations of what it would be there."""
-RELUCTANCE = 30.0
+PRESSURE_REGULARISATION = 30.0
 """A change by a chamber's whole range weighs as much as so many standard deviations of a reading.
 
 A bend amounts to hundreds of them, so it is hardly held back; a twist, which no pressure causes, does not
@@ -31,7 +31,7 @@ lead to pressures that do little else.
 """
 CAUTIOUS_RADIUS = 0.3
 """Trust region of the search that is tried when one with long steps fails, in units of the inputs' scale."""
-CAUTIOUS_STEPS, CAUTIOUS_RETREATS = 40, 4
+CAUTIOUS_STEPS, CAUTIOUS_REJECTIONS = 40, 4
 
 
 @dataclass(frozen=True)
@@ -101,7 +101,7 @@ def settle(
         suite,
         (
             SensorObjective(suite, readings),
-            PressureReadings(inputs.pressures, limits / RELUCTANCE, "reluctance", data=False),
+            PressureReadings(inputs.pressures, limits / PRESSURE_REGULARISATION, "reluctance", data=False),
         ),
         bounds.hold(slice(chambers, unknowns.size), tare),
         inputs.gravity,
@@ -119,7 +119,7 @@ def settle(
     if not solution.converged:
         return first, None
     residual = np.concatenate([solution.residuals[name] for name in suite.slices])
-    sigma = np.sqrt(np.diag(suite.own_noise(readings)))
+    sigma = np.sqrt(np.diag(suite.sensor_noise(readings)))
     misses = _misses(suite, residual, sigma)
     change = solution.inputs.pressures - inputs.pressures
     statement = _statement(misses, list(solution.limits_reached))
@@ -169,7 +169,7 @@ def _solve(
     covariance = suite.covariance(estimate.frames, readings, twists)
     whiten = np.linalg.inv(np.linalg.cholesky(covariance))
     by_pressures = jacobian[:, :chambers] * limits
-    matrix = np.concatenate([whiten @ by_pressures, RELUCTANCE * np.eye(chambers)])
+    matrix = np.concatenate([whiten @ by_pressures, PRESSURE_REGULARISATION * np.eye(chambers)])
     right = np.concatenate([whiten @ wanted, np.zeros(chambers)])
     # BVLS wants room between the bounds, also where a chamber has none.
     low = np.minimum(-applied, 0.0) / limits - 1e-9
@@ -211,4 +211,6 @@ def _statement(misses: list[str], bounds: list[str]) -> str:
 
 def cautious(tolerances: Tolerances) -> Tolerances:
     """Shorten the steps: a search for a pose far away with long ones ends where the arm has none."""
-    return replace(tolerances, radius=CAUTIOUS_RADIUS, iterations=CAUTIOUS_STEPS, retreats=CAUTIOUS_RETREATS)
+    return replace(
+        tolerances, radius=CAUTIOUS_RADIUS, iterations=CAUTIOUS_STEPS, rejections=CAUTIOUS_REJECTIONS
+    )

@@ -204,7 +204,7 @@ class Problem:
         model: ArmModel[State, Step],
         start: tuple[State, Inputs],
         tolerances: Tolerances | None = None,
-        begun: Linearised[State] | None = None,
+        warm_start: Linearised[State] | None = None,
     ) -> ArmEstimate[State]:
         """Search for the inputs.
 
@@ -212,11 +212,11 @@ class Problem:
             model: The arm, with the loads that are unknown.
             start: State and inputs from which to search.
             tolerances: When the search ends.
-            begun: Linearisation of an earlier search, from which this one goes on if it serves.
+            warm_start: Linearisation of an earlier search, from which this one goes on if it serves.
         """
         state, inputs = start
         start = (state, Inputs(inputs.pressures, inputs.loads, self.gravity))
-        minimum = minimise(model, self.unknowns, self.objectives, self.limits, start, tolerances, begun)
+        minimum = minimise(model, self.unknowns, self.objectives, self.limits, start, tolerances, warm_start)
         low, high = self.limits.reached(minimum.vector, self.unknowns.scale)
         residual = np.full(self.suite.size, np.nan)
         for row in minimum.rows:

@@ -21,11 +21,11 @@ STEPS = 30
 """Newton steps from one equilibrium to the next; where these do not suffice, it is solved from rest."""
 SETTLED = 1e-4
 """Out-of-balance force over the applied forces at which a search can begin."""
-CALM_S = 0.1
+STEADY_S = 0.1
 """So long the arm must have been within reach of one place before the exact model is brought there [s]."""
 
 
-class Pursuit(Background[Inputs, tuple[State, Inputs] | None]):
+class BackgroundSolver(Background[Inputs, tuple[State, Inputs] | None]):
     """Brings a model to one set of inputs after another in the background.
 
     Args:
@@ -34,7 +34,7 @@ class Pursuit(Background[Inputs, tuple[State, Inputs] | None]):
     """
 
     def __init__(self, model: ArmModel[State, Any], reach: float) -> None:
-        super().__init__(self._solve, "pursuit")
+        super().__init__(self._solve, "background solver")
         self._model, self._reach = model, reach
         self._unknowns = Unknowns.of(model.chambers, model.loads)
         self._last: tuple[State, Inputs] | None = None
@@ -81,16 +81,16 @@ class FallbackEstimator(Generic[State, Step]):
     Args:
         exact: Estimator on the exact model.
         fast: Estimator on a model with the same chambers and loads that can begin at rest at any instant.
-        pursuit: Solves the exact model; whoever makes it starts and ends it.
+        background: Solves the exact model; whoever makes it starts and ends it.
     """
 
     def __init__(
-        self, exact: Estimator[State, Step], fast: Estimator[Any, Any], pursuit: Pursuit[State]
+        self, exact: Estimator[State, Step], fast: Estimator[Any, Any], background: BackgroundSolver[State]
     ) -> None:
-        self._exact, self._fast, self._pursuit = exact, fast, pursuit
+        self._exact, self._fast, self._background_solver = exact, fast, background
         self._newest: Inputs | None = None
-        self._calm: tuple[float, Inputs] | None = None
-        self._pursued = False
+        self._steady_since: tuple[float, Inputs] | None = None
+        self._background_requested = False
         self.lost = True
 
     @property
@@ -105,40 +105,44 @@ class FallbackEstimator(Generic[State, Step]):
     def reset(self) -> None:
         """Forget the past."""
         self._exact.reset()
-        self._lose()
+        self._mark_lost()
 
     def update(self, time: float, readings: Floats, pressures: Floats, gravity: Floats) -> ArmEstimate[Any]:
         """Estimate at an instant, on the fast model while ``lost``; see ``Estimator.update``."""
         if self.lost:
-            self._catch_up()
+            self._resume_exact()
         if not self.lost:
             estimate = self._exact.update(time, readings, pressures, gravity)
             if estimate.converged:
                 return estimate
-            self._lose()
+            self._mark_lost()
         estimate = self._fast.update(time, readings, pressures, gravity)
         if estimate.converged:
             self._newest = estimate.inputs
-            self._pursue(time, estimate.inputs)
+            self._solve_in_background(time, estimate.inputs)
         return estimate
 
-    def _lose(self) -> None:
-        self.lost, self._pursued, self._newest, self._calm = True, False, None, None
+    def _mark_lost(self) -> None:
+        self.lost, self._background_requested, self._newest, self._steady_since = True, False, None, None
         self._fast.reset()
 
-    def _pursue(self, time: float, inputs: Inputs) -> None:
+    def _solve_in_background(self, time: float, inputs: Inputs) -> None:
         """Have the exact model brought to where the arm is, if it has been near there for a while."""
-        if self._calm is None or not self._pursuit.reaches(self._calm[1], inputs):
-            self._calm = time, inputs
-        elif time - self._calm[0] > CALM_S and self._pursuit.idle:
-            self._pursued = True
-            self._pursuit.ask(inputs)
+        if self._steady_since is None or not self._background_solver.reaches(self._steady_since[1], inputs):
+            self._steady_since = time, inputs
+        elif time - self._steady_since[0] > STEADY_S and self._background_solver.idle:
+            self._background_requested = True
+            self._background_solver.ask(inputs)
 
-    def _catch_up(self) -> None:
+    def _resume_exact(self) -> None:
         """Begin where the exact model has been brought, if that is within reach of the last estimate."""
-        if not (self._pursued and self._pursuit.idle):
+        if not (self._background_requested and self._background_solver.idle):
             return
-        solved = self._pursuit.newest
-        if solved is not None and self._newest is not None and self._pursuit.reaches(solved[1], self._newest):
+        solved = self._background_solver.newest
+        if (
+            solved is not None
+            and self._newest is not None
+            and self._background_solver.reaches(solved[1], self._newest)
+        ):
             self._exact.begin_at(*solved)
             self.lost = False

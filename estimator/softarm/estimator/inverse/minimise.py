@@ -20,7 +20,7 @@ Step = TypeVar("Step", bound=Linearisation)
 Status = Literal["converged", "iterations_exhausted", "diverged"]
 INSIGNIFICANT = 1e-4
 """Rise of the cost out of equilibrium, over it and over one, below what any measurement resolves."""
-FORGETS = 1.1
+REACH_GROWTH = 1.1
 """Factor by which a reach may grow from one instant to the next: one step may be bent little by chance."""
 
 
@@ -33,19 +33,19 @@ class Tolerances:
         residual: Out-of-balance force over the applied forces.
         iterations: Largest number of new linearisations.
         radius: First radius of the trust region, in units of the inputs' scale.
-        retreats: Largest number of steps that are taken back.
+        rejections: Largest number of rejected steps.
         forecast: Rise of the cost, over it and over one, that a step is allowed per out-of-balance force.
-        settles: Whether the model is solved after a shorter step in place of one that was taken back;
-            otherwise it is only linearised afresh before it.
+        solves_after_rejection: Whether the model is solved after the shorter step that replaces a rejected
+            one; otherwise it is only linearised again before that step.
     """
 
     step: float = 1e-6
     residual: float = 1e-6
     iterations: int = 30
     radius: float = 4.0
-    retreats: int = 6
+    rejections: int = 6
     forecast: float = 10.0
-    settles: bool = True
+    solves_after_rejection: bool = True
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class Linearised(Generic[State]):
     step: Linearisation
     reach: float = 0.0
 
-    def serves(self, model: ArmModel[State, Any], gravity: Floats) -> bool:
+    def valid_for(self, model: ArmModel[State, Any], gravity: Floats) -> bool:
         """Return whether it is a linearisation of a model under a gravitational acceleration."""
         return self.model is model and np.array_equal(self.inputs.gravity, gravity)
 
@@ -108,7 +108,7 @@ def minimise(
     limits: InputBounds,
     start: tuple[State, Inputs],
     tolerances: Tolerances | None = None,
-    begun: Linearised[State] | None = None,
+    warm_start: Linearised[State] | None = None,
 ) -> Minimum[State]:
     """Minimise the objectives over the inputs, the state in equilibrium with them.
 
@@ -123,13 +123,13 @@ def minimise(
         limits: Bounds and held inputs.
         start: A state and inputs to begin with.
         tolerances: When to stop.
-        begun: Where an earlier search linearised the model; used in place of ``start`` where it serves.
+        warm_start: Where an earlier search linearised the model; used in place of ``start`` where it serves.
     """
     tolerances = tolerances or Tolerances()
     state, inputs = start
-    if begun is not None and begun.serves(model, inputs.gravity):
-        search = _Search(model, unknowns, tuple(objectives), limits, tolerances, begun.reach)
-        return search.run(search.resumed(begun), inputs.gravity, 0)
+    if warm_start is not None and warm_start.valid_for(model, inputs.gravity):
+        search = _Search(model, unknowns, tuple(objectives), limits, tolerances, warm_start.reach)
+        return search.run(search.resumed(warm_start), inputs.gravity, 0)
     search = _Search(model, unknowns, tuple(objectives), limits, tolerances)
     return search.run(search.linearised(state, inputs), inputs.gravity, 1)
 
@@ -171,7 +171,7 @@ def linearise_at(
 def _reach(size: float, left: float, before: float) -> float:
     """Return the reach from what a step left, and from the reach before."""
     measured = size**2 / left if left > 0.0 else math.inf
-    return min(measured, FORGETS * before) if before > 0.0 else measured
+    return min(measured, REACH_GROWTH * before) if before > 0.0 else measured
 
 
 @dataclass(frozen=True)
@@ -199,13 +199,15 @@ class _Search(Generic[State, Step]):
         """Begin anew."""
         return self._linearise(state, self.unknowns.vector(inputs), inputs.gravity)
 
-    def resumed(self, begun: Linearised[State]) -> _Point[State, Step]:
+    def resumed(self, warm_start: Linearised[State]) -> _Point[State, Step]:
         """Begin where the model is linearised already."""
-        return self._point(begun.state, self.unknowns.vector(begun.inputs), cast("Step", begun.step))
+        return self._point(
+            warm_start.state, self.unknowns.vector(warm_start.inputs), cast("Step", warm_start.step)
+        )
 
     def run(self, point: _Point[State, Step], gravity: Floats, iterations: int) -> Minimum[State]:
         """Search from a point that took a number of linearisations."""
-        radius, last, retreats = self.tolerances.radius, self.reach, 0
+        radius, last, rejections = self.tolerances.radius, self.reach, 0
         reach, second = self.reach, iterations + 1
         while True:
             change, size = self.change(point, radius)
@@ -226,12 +228,12 @@ class _Search(Generic[State, Step]):
             )
             iterations += 1
             if not self._improves(point, candidate):
-                if iterations >= self.tolerances.iterations or retreats >= self.tolerances.retreats:
+                if iterations >= self.tolerances.iterations or rejections >= self.tolerances.rejections:
                     return self._end(point, 0.0 * change, "diverged", iterations, gravity, reach)
-                retreats += 1
+                rejections += 1
                 # A quarter of the step that failed: the region may be far larger than that.
                 radius, last = 0.25 * min(radius, size), 0.0
-                if self.tolerances.settles:
+                if self.tolerances.solves_after_rejection:
                     candidate = self._settled(point, radius, gravity)
                 else:
                     candidate = self._refreshed(point, gravity)

@@ -172,7 +172,7 @@ class SensorObjective:
     @cached_property
     def _own_noise(self) -> Floats:
         # Of the readings alone, so that it serves all linearisations of a search.
-        return self.suite.own_noise(self.readings)
+        return self.suite.sensor_noise(self.readings)
 
     def rows(self, at: Iterate) -> WeightedRows:
         """Linearise at an iterate; rows of absent sensors are left out."""

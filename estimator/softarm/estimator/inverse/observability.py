@@ -59,7 +59,7 @@ class Observability:
         head = f"{counts} ({', '.join(names)}): "
         if self.rank < free:
             unseen = "; ".join(self.unobservable_directions)
-            return f"{head}{free - self.rank} of their combinations cannot be seen: {unseen}."
+            return f"{head}{free - self.rank} of their combinations cannot be observed: {unseen}."
         weak = self.weak_directions
         if weak:
             return f"{head}all are determined, but only weakly {'; '.join(weak)}."

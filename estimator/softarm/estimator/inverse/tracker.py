@@ -52,7 +52,7 @@ Step = TypeVar("Step", bound=Linearisation)
 PRESSURE_DRIFT = 5e3
 """How fast the pressure of a chamber whose sensor is silent may wander [Pa/sqrt(s)]."""
 RETRIES = 2
-"""Searches in a row that may fail before the next one begins at rest, which takes longest without a guide."""
+"""Searches in a row that may fail before the next one begins at rest, slowest without a fast model."""
 
 
 @dataclass(frozen=True)
@@ -119,13 +119,13 @@ class Estimator(Generic[State, Step]):
 
     It keeps the last state, inputs and covariance; everything it calls is pure. A search that fails leaves
     them as they were. The next one sets out from them with a fresh linearisation, or after ``RETRIES`` more
-    failures, and at once where there is a guide, from the beginning.
+    failures, and at once where there is a fast model, from the beginning.
 
     Args:
         model: Model of the arm.
         suite: The sensors.
         settings: What it assumes.
-        guide: A fast model with the same chambers and loads, at whose answer a fresh search begins.
+        fast_model: A fast model with the same chambers and loads, at whose answer a fresh search begins.
     """
 
     def __init__(
@@ -133,10 +133,10 @@ class Estimator(Generic[State, Step]):
         model: ArmModel[State, Step],
         suite: SensorSuite,
         settings: TrackerSettings,
-        guide: ArmModel[Any, Any] | None = None,
+        fast_model: ArmModel[Any, Any] | None = None,
     ) -> None:
-        self._guide = guide
-        self._retries = RETRIES if guide is None else 0
+        self._fast_model = fast_model
+        self._retries = RETRIES if fast_model is None else 0
         self._model = model
         # Once and for all, so that no suite is built at an instant.
         self._conditions = {c: _Accuracy.of(c, suite, model.loads) for c in settings.model_error.conditions}
@@ -188,9 +188,9 @@ class Estimator(Generic[State, Step]):
         accuracy = self._conditions[self._settings.model_error.at(pressures)]
         problem = self._problem(accuracy, readings, acting, prior, gravity)
         # After a failure not even the last linearisation is trusted: it may be what misled the search.
-        begun = None if self._memory is None or self._failures else self._memory.last
+        warm_start = None if self._memory is None or self._failures else self._memory.last
         start = self._start(problem, guess)
-        estimate = problem.solve(self._model, start, self._settings.tolerances, begun)
+        estimate = problem.solve(self._model, start, self._settings.tolerances, warm_start)
         if estimate.status == "diverged" or not np.isfinite(estimate.vector).all():
             self._failures += 1
             self._solved = None
@@ -255,20 +255,20 @@ class Estimator(Generic[State, Step]):
         if self._memory is not None and self._failures <= self._retries:
             state = self._memory.state
             return self._model.refreshed(state) if self._failures else state, guess
-        guided = self._guided(problem, guess)
-        if guided is not None:
-            state, converged = self._model.solve(guided, self._model.rest())
+        fast_inputs = self._fast_solution(problem, guess)
+        if fast_inputs is not None:
+            state, converged = self._model.solve(fast_inputs, self._model.rest())
             if converged:
-                return state, guided
+                return state, fast_inputs
         state, _ = self._model.solve(guess, self._model.rest())
         return state, guess
 
-    def _guided(self, problem: Problem, guess: Inputs) -> Inputs | None:
-        """Return the inputs that the guide finds, None where it finds none."""
-        if self._guide is None:
+    def _fast_solution(self, problem: Problem, guess: Inputs) -> Inputs | None:
+        """Return the inputs that solve the problem on the fast model, None where it finds none."""
+        if self._fast_model is None:
             return None
-        state, _ = self._guide.solve(guess, self._guide.rest())
-        estimate = problem.solve(self._guide, (state, guess), self._settings.tolerances)
+        state, _ = self._fast_model.solve(guess, self._fast_model.rest())
+        estimate = problem.solve(self._fast_model, (state, guess), self._settings.tolerances)
         return estimate.inputs if estimate.converged else None
 
 

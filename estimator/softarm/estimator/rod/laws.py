@@ -83,29 +83,51 @@ def feature_slopes(table: Indices, variables: Floats, directions: Floats) -> Flo
 def law_slopes(
     table: Indices, coefficients: Floats, variables: Floats, value: Floats, slopes: Floats
 ) -> None:
-    """Evaluate a law and its derivative: slopes (1 + variables, 8), of which row 0 is zero."""
+    """Evaluate a law and its derivative: slopes (1 + variables, 8), of which row 0 is zero.
+
+    Neighbours in the table share all factors but the last: what they add to the derivatives by these is
+    gathered in registers before any memory is written to.
+    """
     value.fill(0.0)
     slopes.fill(0.0)
-    for k in range(table.shape[0]):
-        a, b, c, d = table[k, 0], table[k, 1], table[k, 2], table[k, 3]
-        first, second = variables[a] * variables[b], variables[c] * variables[d]
-        row = coefficients[k]
-        # In registers they cannot overlap with what is added to, so that eight are added at once.
-        outputs = row[0], row[1], row[2], row[3], row[4], row[5], row[6], row[7]
-        _add(outputs, first * second, value)
+    x, k, terms = variables, 0, table.shape[0]
+    while k < terms:
+        a, b, c = table[k, 0], table[k, 1], table[k, 2]
+        first = x[a] * x[b]
+        shared = first * x[c]
+        s0 = s1 = s2 = s3 = s4 = s5 = 0.0
+        while k < terms and table[k, 2] == c and table[k, 1] == b and table[k, 0] == a:
+            d = table[k, 3]
+            r0, r1, r2 = coefficients[k, 0], coefficients[k, 1], coefficients[k, 2]
+            r3, r4, r5 = coefficients[k, 3], coefficients[k, 4], coefficients[k, 5]
+            _add((r0, r1, r2, r3, r4, r5), shared, slopes, d)
+            s0 += r0 * x[d]
+            s1 += r1 * x[d]
+            s2 += r2 * x[d]
+            s3 += r3 * x[d]
+            s4 += r4 * x[d]
+            s5 += r5 * x[d]
+            k += 1
+        gathered = s0, s1, s2, s3, s4, s5
+        for o in range(6):
+            value[o] += shared * gathered[o]
         if a > 0:
-            _add(outputs, variables[b] * second, slopes[a])
+            _add(gathered, x[b] * x[c], slopes, a)
         if b > 0:
-            _add(outputs, variables[a] * second, slopes[b])
+            _add(gathered, x[a] * x[c], slopes, b)
         if c > 0:
-            _add(outputs, variables[d] * first, slopes[c])
-        _add(outputs, variables[c] * first, slopes[d])
+            _add(gathered, first, slopes, c)
 
 
 @njit(cache=True, nogil=True)
-def _add(coefficients: tuple[float, ...], factor: float, row: Floats) -> None:
-    for o in range(OUTPUTS):
-        row[o] += coefficients[o] * factor
+def _add(strains: tuple[float, ...], factor: float, slopes: Floats, row: int) -> None:
+    """Add six strains times a factor to a row; written out, since a loop would not keep them in registers."""
+    slopes[row, 0] += factor * strains[0]
+    slopes[row, 1] += factor * strains[1]
+    slopes[row, 2] += factor * strains[2]
+    slopes[row, 3] += factor * strains[3]
+    slopes[row, 4] += factor * strains[4]
+    slopes[row, 5] += factor * strains[5]
 
 
 @njit(cache=True, nogil=True)

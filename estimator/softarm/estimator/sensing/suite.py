@@ -146,7 +146,7 @@ class SensorSuite:
         Returns:
             Shape (..., size, size).
         """
-        covariance = self.own_noise(readings)
+        covariance = self.sensor_noise(readings)
         for registration, members in self._registrations:
             moved = np.zeros((self.size, 1))
             for name in members:
@@ -155,7 +155,7 @@ class SensorSuite:
             covariance += rigid @ registration @ np.swapaxes(rigid, -1, -2)
         return covariance
 
-    def own_noise(self, readings: Floats) -> Floats:
+    def sensor_noise(self, readings: Floats) -> Floats:
         """Return the covariance of sensor noise, without that of registrations, shaped as ``covariance``.
 
         It depends on the readings alone.
@@ -166,16 +166,16 @@ class SensorSuite:
             covariance[..., rows, rows] = measurement.covariance(reading)
         return covariance
 
-    def observe(self, frames: Frames, readings: Floats, own_noise: Floats | None = None) -> Observation:
+    def observe(self, frames: Frames, readings: Floats, sensor_noise: Floats | None = None) -> Observation:
         """Compare the present readings of one instant, shape (readings,), with the frames.
 
         Args:
             frames: What they look at.
             readings: Stacked readings, shape (readings,).
-            own_noise: The result of ``own_noise`` for them, where it is computed already.
+            sensor_noise: The result of ``sensor_noise`` for them, where it is computed already.
         """
         whole = self.sensitivity(frames, readings)
-        covariance = self.own_noise(readings) if own_noise is None else own_noise
+        covariance = self.sensor_noise(readings) if sensor_noise is None else sensor_noise
         if self._registrations:
             covariance = self.covariance(frames, readings, np.nan_to_num(whole.twists))
         # One sum in place of a mask: at most instants every sensor is present.

@@ -189,12 +189,10 @@ class StrainDynamics:
         edges = _edges(clock)
         lengths = np.diff(edges)
         steps = np.where(lengths > PAUSE, 0, np.maximum(np.ceil(lengths / FINE - 1e-6), 1.0)).astype(np.int64)
-        h = (lengths / np.maximum(steps, 1))[:, None, None]
         resisting = damping[0] * self.mass + damping[1] * self.damped_stiffness
         resisting = resisting if self.drag is None else resisting + self.drag
-        implicit = self.mass + 0.5 * h * resisting + 0.25 * h**2 * self.stiffness
-        pushed = np.linalg.solve(implicit, np.concatenate([self.stiffness, resisting], axis=-1))
-        spring, drag = (np.ascontiguousarray(half) for half in np.split(pushed, 2, axis=-1))
+        spring, drag = np.empty(self.mass.shape), np.empty(self.mass.shape)
+        _accelerations(lengths / np.maximum(steps, 1), self.mass, resisting, self.stiffness, spring, drag)
         return partial(_integrated, clock, edges, steps, spring, drag)
 
 
@@ -207,30 +205,30 @@ class VibratingArm:
         dynamics: How it vibrates.
         damping: Shares of the masses [1/s] and of the stiffness [s] that damp.
         delay: By how much motion follows what drives it later than it should [s].
-        known: Samples at which the quasi-static strains are known, shape (samples,).
-        free: Those of them at which no known load holds the arm, shape (samples,).
+        valid: Samples at which the quasi-static strains are known, shape (samples,).
+        unloaded: Those of them at which no known load holds the arm, shape (samples,).
     """
 
     clock: Floats
     dynamics: StrainDynamics
     damping: tuple[float, float]
     delay: float
-    known: Flags
-    free: Flags
+    valid: Flags
+    unloaded: Flags
 
     def lag(self, still: Floats) -> Floats:
         """Return by how much strains vibrate about quasi-static ones, shape (samples, strains, ...)."""
-        if not self.known.any():
+        if not self.valid.any():
             return np.zeros_like(still)
         before, after, share = self._delayed
         wide = (-1, *(1,) * (still.ndim - 1))
         late = still[before] + share.reshape(wide) * (still[after] - still[before])
-        return np.where(self.free.reshape(wide), self._integrate(late) - still, 0.0)
+        return np.where(self.unloaded.reshape(wide), self._integrate(late) - still, 0.0)
 
     @cached_property
     def _delayed(self) -> tuple[Indices, Indices, Floats]:
         """Known samples before and after what drives the arm at each sample, and the share of the later."""
-        valid, wanted = np.flatnonzero(self.known), self.clock - self.delay
+        valid, wanted = np.flatnonzero(self.valid), self.clock - self.delay
         after = np.clip(np.searchsorted(self.clock[valid], wanted), 1, max(len(valid) - 1, 1))
         before, after = valid[after - 1], valid[np.minimum(after, len(valid) - 1)]
         wide = np.maximum(self.clock[after] - self.clock[before], 1e-12)
@@ -388,24 +386,79 @@ def _edges(clock: Floats) -> Floats:
     return np.concatenate([clock[:1] - half, 0.5 * (clock[1:] + clock[:-1]), clock[-1:] + half])
 
 
+@njit(cache=True, nogil=True, error_model="numpy")
+def _accelerations(
+    h: Floats, mass: Floats, resisting: Floats, stiffness: Floats, spring: Floats, drag: Floats
+) -> None:
+    """Fill the accelerations at the end of a time step by what pulls then, and by each speed.
+
+    They are S = A^-1 K and A^-1 D with A = M + h D / 2 + h^2 K / 4, by Gauss-Jordan elimination; not finite
+    where A is singular.
+
+    Args:
+        h: Length of the time steps of each sample [s], shape (samples,).
+        mass: M, shape (samples, strains, strains).
+        resisting: D, of the same shape.
+        stiffness: K, of the same shape.
+        spring: Filled with S^T, of the same shape.
+        drag: Filled with (A^-1 D)^T, of the same shape.
+    """
+    size = mass.shape[1]
+    rows = np.empty((size, 3 * size))
+    for n in range(len(mass)):
+        for r in range(size):
+            for c in range(size):
+                m, d, k = mass[n, r, c], resisting[n, r, c], stiffness[n, r, c]
+                rows[r, c] = m + 0.5 * h[n] * d + 0.25 * h[n] * h[n] * k
+                rows[r, size + c], rows[r, 2 * size + c] = k, d
+        _reduce(rows)
+        for r in range(size):
+            for c in range(size):
+                spring[n, c, r], drag[n, c, r] = rows[r, size + c], rows[r, 2 * size + c]
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _reduce(rows: Floats) -> None:
+    """Bring the square matrix at the left of some rows to the unit matrix, which solves for their rest."""
+    size, width = rows.shape
+    for p in range(size):
+        largest = p
+        for r in range(p + 1, size):
+            if abs(rows[r, p]) > abs(rows[largest, p]):
+                largest = r
+        scale = 1.0 / rows[largest, p]
+        for c in range(p, width):
+            pivot = rows[largest, c] * scale
+            rows[largest, c] = rows[p, c]
+            rows[p, c] = pivot
+        for r in range(size):
+            factor = rows[r, p]
+            if r != p:
+                for c in range(p, width):
+                    rows[r, c] -= factor * rows[p, c]
+
+
 def _integrated(
     clock: Floats, edges: Floats, steps: NDArray[np.int64], spring: Floats, drag: Floats, still: Floats
 ) -> Floats:
-    columns = np.ascontiguousarray(still.reshape(*still.shape[:2], -1))
-    integrated: Floats = _newmark(clock, edges, steps, spring, drag, columns)
-    return integrated.reshape(still.shape)
+    motions = np.swapaxes(still.reshape(*still.shape[:2], -1), 1, 2)
+    integrated = _newmark(clock, edges, steps, spring, drag, np.ascontiguousarray(motions))
+    return np.swapaxes(integrated, 1, 2).reshape(still.shape)
 
 
 @njit(cache=True, nogil=True)
 def _newmark(
     clock: Floats, edges: Floats, steps: NDArray[np.int64], spring: Floats, drag: Floats, still: Floats
 ) -> Floats:
-    """Step through the windows of all samples; no steps stand for a pause. See ``StrainDynamics.strains``."""
-    samples, size, columns = still.shape
-    means = np.zeros((samples, size, columns))
-    place, speed, push = still[0].copy(), np.zeros((size, columns)), np.zeros((size, columns))
-    pull, gained = np.zeros((size, columns)), np.zeros((size, columns))
-    ahead, acceleration = np.zeros((size, columns)), np.zeros(columns)
+    """Step through the windows of all samples; no steps stand for a pause. See ``StrainDynamics.strains``.
+
+    ``spring`` and ``drag`` are as of ``_accelerations``, ``still`` has the shape (samples, motions, strains).
+    """
+    samples, motions, size = still.shape
+    means = np.zeros((samples, motions, size))
+    place, speed, push = still[0].copy(), np.zeros((motions, size)), np.zeros((motions, size))
+    ahead, gained, pull = np.empty(size), np.empty(size), np.empty(size)
+    acceleration = np.empty(size)
     for k in range(samples):
         if steps[k] == 0:
             place[:], speed[:], push[:] = still[k], 0.0, 0.0
@@ -414,24 +467,23 @@ def _newmark(
         h = (edges[k + 1] - edges[k]) / steps[k]
         for step in range(1, steps[k] + 1):
             before, after, share = _between(clock, k, edges[k] + h * step)
-            for i in range(size):  # arrays made in every step would take most of the time
-                for c in range(columns):
-                    goal = still[before, i, c] + share * (still[after, i, c] - still[before, i, c])
-                    ahead[i, c] = place[i, c] + h * speed[i, c] + 0.25 * h * h * push[i, c]
-                    gained[i, c] = speed[i, c] + 0.5 * h * push[i, c]
-                    pull[i, c] = goal - ahead[i, c]
-            for i in range(size):
-                acceleration[:] = 0.0
+            for c in range(motions):
+                for i in range(size):  # arrays made in every step would take most of the time
+                    goal = still[before, c, i] + share * (still[after, c, i] - still[before, c, i])
+                    ahead[i] = place[c, i] + h * speed[c, i] + 0.25 * h * h * push[c, i]
+                    gained[i] = speed[c, i] + 0.5 * h * push[c, i]
+                    pull[i] = goal - ahead[i]
+                    acceleration[i] = 0.0
                 for j in range(size):
-                    spring_j, drag_j = spring[k, i, j], drag[k, i, j]
-                    for c in range(columns):
-                        acceleration[c] += spring_j * pull[j, c] - drag_j * gained[j, c]
-                for c in range(columns):
-                    push[i, c] = acceleration[c]
-                    speed[i, c] = gained[i, c] + 0.5 * h * acceleration[c]
-                    there = ahead[i, c] + 0.25 * h * h * acceleration[c]
-                    means[k, i, c] += 0.5 * (place[i, c] + there)
-                    place[i, c] = there
+                    pull_j, gained_j = pull[j], gained[j]
+                    for i in range(size):  # neighbours in memory, which are added at once
+                        acceleration[i] += spring[k, j, i] * pull_j - drag[k, j, i] * gained_j
+                for i in range(size):
+                    push[c, i] = acceleration[i]
+                    speed[c, i] = gained[i] + 0.5 * h * acceleration[i]
+                    there = ahead[i] + 0.25 * h * h * acceleration[i]
+                    means[k, c, i] += 0.5 * (place[c, i] + there)
+                    place[c, i] = there
         means[k] /= steps[k]
     return means
 

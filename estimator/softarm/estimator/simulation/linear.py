@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats, Indices
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.rotations import exp
@@ -20,6 +20,10 @@ class LinearisedArm:
     segments: Segments
     drive: Drive
     baseline: ArmResponse
+
+    def at(self, chosen: Flags | Indices) -> "LinearisedArm":
+        """Select samples by flags or numbers."""
+        return LinearisedArm(self.segments, self.drive.at(chosen), self.baseline.at(chosen))
 
     def twists(self, drive: Drive) -> Floats:
         """Return the sections' twists, shape (samples, 6 sections), by the change from the baseline drive."""

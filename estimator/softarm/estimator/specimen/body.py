@@ -90,7 +90,7 @@ class Fibres(Entry):
 
 
 class Clamp(Entry):
-    """What holds the arm."""
+    """Clamp of the arm."""
 
     up_to_m: Finite = 0.0
     """Nodes at this height or below are held."""

@@ -18,7 +18,7 @@ TOUCHING_M = 1e-6  # parts whose faces are nearer touch
 
 
 class Specimen(Entry):
-    """One robot: its shape, materials, chambers and sensors, and what recordings taught about it.
+    """One robot: its shape, materials, chambers and sensors, and the results of calibration and diagnosis.
 
     The base frame has its origin at the clamp and z from the base to the tip along the axis at rest.
     """
@@ -44,7 +44,7 @@ class Specimen(Entry):
     fibres: Fibres = Fibres(kind="none")
     """Winding of the chambers."""
     clamp: Clamp = Clamp()
-    """What holds the arm."""
+    """Clamp of the arm."""
     markers: tuple[Marker, ...] = ()
     """Markers of the motion capture."""
     noise: SensorNoise = SensorNoise()

@@ -6,9 +6,9 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.model import Frames
-from softarm.estimator.node_by_node import LARGEST_MOVE
 from softarm.estimator.response import ArmResponse, BatchInputs
 from softarm.estimator.rotations import exp
+from softarm.estimator.sequential_batch import LARGEST_MOVE
 from softarm.estimator.stretch.law import StretchLaw
 from softarm.estimator.wrapper import BatchModelWrapper
 

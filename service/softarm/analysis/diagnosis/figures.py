@@ -160,7 +160,7 @@ def binned(values: Floats, residual: Floats) -> tuple[Floats, Floats]:
 
 @image
 def draw_arm(specimen: Specimen, shares: Shares) -> Figure:
-    """Draw the hanging arm from the side; the redder a place, the more of the mismatch sits there.
+    """Draw the hanging arm from the side; the redder a place, the larger its share of the mismatch.
 
     Args:
         specimen: Its lay-out.

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from softarm.analysis.offline.inputs import taken_in
+from softarm.analysis.offline.inputs import check_and_correct
 from softarm.estimator.diagnosis.admit import motion_left, usable
 from softarm.estimator.diagnosis.events import EventErrors, errors_of
 from softarm.estimator.diagnosis.result import Diagnosis, Evidence, Finding, Quantity
@@ -13,7 +13,7 @@ from softarm.estimator.effects.amounts import Amount
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake import Disturbance, Intake, RecordingFault
 from softarm.estimator.intake.result import NO_MISMATCH
-from softarm.estimator.intake.still import WINDOW
+from softarm.estimator.intake.stuck import WINDOW
 from softarm.estimator.intake.unsteady import LEAST
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import Specimen
@@ -25,13 +25,13 @@ EDGE = 0.5
 """How well the begin and the end of an event are known [s]."""
 
 
-def take_all_in(
+def check_recordings(
     suspects: Sequence[Recording],
     nominal: Sequence[Recording],
     specimen: Specimen,
     notify: Callable[[str], None] = lambda _: None,
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[Intake, ...], tuple[str, ...]]:
-    """Check and mend recordings.
+    """Check and correct recordings.
 
     Args:
         suspects: Recordings in question.
@@ -44,11 +44,16 @@ def take_all_in(
         and what was found in words.
 
     Raises:
-        InputError: No recording of a kind fits the specimen or can be mended; single ones are set aside.
+        InputError: No recording of a kind fits the specimen or can be corrected; single ones are set aside.
     """
     notes: list[str] = []
     questioned, known = (
-        usable(group, lambda recording: _required(taken_in(recording, specimen, notes.append)), notes, notify)
+        usable(
+            group,
+            lambda recording: _required(check_and_correct(recording, specimen, notes.append)),
+            notes,
+            notify,
+        )
         for group in (suspects, nominal)
     )
     for one in (fault for intake in (*questioned, *known) for fault in intake.mismatches):
@@ -118,7 +123,7 @@ def with_intakes(
     notes: Sequence[str],
     on_the_model: Sequence[EventErrors] = (),
 ) -> Diagnosis:
-    """Add findings of the intake; their data were mended or left out, so the verdict is that of the rest.
+    """Add findings of the intake; their data were corrected or left out, so the verdict is that of the rest.
 
     The intake compares a recording with a steady law that the recording itself shows. An event that the model
     with all findings predicts is none: it becomes a note. So does every event where nominal recordings show
@@ -174,7 +179,7 @@ def _cause(
 ) -> str:
     """Write what explains an event after all; empty where nothing does."""
     if diagnosis.nominal and diagnosis.verdict == "unexplained":
-        return "What acts without a name may have caused it."
+        return "An unknown effect may have caused it."
     errors = errors_of(event.recording, on_the_model)
     begin, end = (moment + intake.recording.start for moment in event.interval)
     residuals = errors.explained((begin, end)) if errors else None
@@ -216,7 +221,7 @@ def event_finding(event: Disturbance) -> Finding:
 
 
 def mismatch_finding(mismatch: RecordingFault, *more: RecordingFault) -> Finding:
-    """Report a sensor that stands still, or a frame, label, unit or clock that was mended.
+    """Report a sensor that stands still, or a frame, label, unit or clock that was corrected.
 
     Args:
         mismatch: The fault.

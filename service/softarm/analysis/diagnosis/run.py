@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from softarm.analysis.diagnosis.intake import take_all_in, with_intakes, with_touches
+from softarm.analysis.diagnosis.intake import check_recordings, with_intakes, with_touches
 from softarm.analysis.diagnosis.models import finite_element_model, rod_model
 from softarm.analysis.offline.inputs import distinct_names
 from softarm.common.rods import QUICK, fitted_rod, known_rod, trusted
@@ -106,7 +106,7 @@ def run(
     advance("reading")
     effects = _known(request.effects)
     suspects, nominal, unread = loaded(request, notify)
-    suspects, nominal, intakes, found = take_all_in(suspects, nominal, request.specimen, notify)
+    suspects, nominal, intakes, found = check_recordings(suspects, nominal, request.specimen, notify)
     admitted = admit(suspects, nominal, request.specimen, notify)
     questioned = {recording.name for recording in admitted.suspects}
     intakes, found = tuple(i for i in intakes if i.recording.name in questioned), (*unread, *found)
@@ -243,7 +243,7 @@ def improved_specimen(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen
     return specimen.model_copy(update={"physics": (*kept, *entries)})
 
 
-def beside_the_model(outcome: DiagnosisOutcome) -> tuple[str, ...]:
+def effects_outside_model(outcome: DiagnosisOutcome) -> tuple[str, ...]:
     """Name what was found but is no physics of the model: faults of valves, events, unknowns."""
     accepted = {(placed.effect.name, placed.spot.place) for placed in outcome.accepted}
     found = outcome.diagnosis.findings
@@ -314,7 +314,7 @@ def sessions_of(
             events=[event.interval for event in intake.events] if intake else (),
         )
         notes.extend(prepared.notes)
-        frequency = ring_frequency(prepared.session)
+        frequency = vibration_frequency(prepared.session)
         release = find_release(prepared.session, frequency)
         if release is not None:
             notes.append(
@@ -350,7 +350,7 @@ def _step(session: Session, frequency: float | None) -> float:
     return max(session.step, min(2.0 / frequency, session.seconds / 8.0)) if frequency else session.step
 
 
-def ring_frequency(session: Session) -> float | None:
+def vibration_frequency(session: Session) -> float | None:
     """Find the frequency of a vibration of a soft arm [Hz]; ``None`` where there is none.
 
     At least half of the power of the speed lies between ``SLOWEST`` and ``FASTEST``, as far as the rate
@@ -387,5 +387,5 @@ def _known(names: Sequence[str]) -> list[EffectName] | None:
     for name in names:
         if name not in EFFECTS:
             cure = suggest(name, EFFECTS, f"choose among {', '.join(EFFECTS)}")
-            raise InputError("--effect", f"{name!r} is no effect", cure)
+            raise InputError("--effect", f"{name!r} is not a known effect", cure)
     return [effect.name for effect in EFFECTS.values() if effect.name in names] or None

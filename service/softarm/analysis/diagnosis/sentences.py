@@ -38,10 +38,10 @@ LEFT_OUT = {
     "event": "what was read meanwhile is not used",
     "frame_mismatch": "the recording was converted before anything else",
 }
-"""Findings that are mended or left out before any fit, so that they remove no error of the model."""
+"""Findings that are corrected or left out before any fit, so that they remove no error of the model."""
 WHITE_VARIANCE = (0.5, 2.0)
 WHITE_CORRELATION = 0.3
-"""Variance and correlation of innovations between which they are called white noise of the learnt size."""
+"""Variance and correlation of innovations between which they are called white noise of the estimated size."""
 
 
 def number(value: float) -> str:
@@ -139,35 +139,36 @@ def verdict(diagnosis: Diagnosis) -> str:
     )
     if diagnosis.verdict == "consistent":
         opening = (
-            "The findings below show in the readings themselves. Beside them, " if diagnosis.findings else ""
+            "The findings below show in the readings themselves. Apart from them, "
+            if diagnosis.findings
+            else ""
         )
         if heldout.after <= NEAR_NOISE:
             agrees = f"{'the' if opening else 'The'} model agrees with the recordings"
-            return f"{opening}{agrees}: the error on unseen data is {after}.{blindness(diagnosis)}"
+            return f"{opening}{agrees}: the error on unseen data is {after}.{insensitivity_note(diagnosis)}"
         missing = f"{'no' if opening else 'No'} missing physics was found"
         return (
             f"{opening}{missing}. The error on unseen data is {after}, so a change that is smaller "
-            f"than this error of the model would not show.{nameless_share}{blindness(diagnosis)}"
+            f"than this error of the model would not show.{nameless_share}{insensitivity_note(diagnosis)}"
         )
     if diagnosis.verdict == "unexplained":
-        return f"{nameless(diagnosis)}: the error on unseen data is {after}.{nameless_share}"
+        return f"{unnamed_physics(diagnosis)}: the error on unseen data is {after}.{nameless_share}"
     if number(heldout.after) == number(heldout.before):
         stays = f"The error of the model on unseen data stays at {after}."
         if any(finding.effect == "unknown" for finding in diagnosis.findings):
-            return (
-                f"{nameless(diagnosis)}. What else is found below shows in the readings themselves. {stays}"
-            )
+            others = "The other findings below show in the readings themselves."
+            return f"{unnamed_physics(diagnosis)}. {others} {stays}"
         return f"The findings below show in the readings themselves. {stays}"
     if _contradicted(diagnosis):
         return (
-            "The findings below show in the data that decided, but not in those that were kept for this "
-            f"report, where the error rises from {number(heldout.before)} to {after}. They are doubtful "
-            "until more recordings confirm them."
+            "The data from which the findings below were chosen support them, but those kept for this "
+            f"report do not: there the error rises from {number(heldout.before)} to {after}. The findings "
+            "are doubtful until more recordings confirm them."
         )
     if diagnosis.verdict == "partly_explained":
         return (
             "The model is missing physics. The findings below explain part of the mismatch: the error on "
-            f"unseen data {fall}, and some structure is left.{nameless_share}"
+            f"unseen data {fall}, and the residual still has structure.{nameless_share}"
         )
     if heldout.after <= NEAR_NOISE:
         return (
@@ -180,18 +181,18 @@ def verdict(diagnosis: Diagnosis) -> str:
     )
 
 
-def blindness(diagnosis: Diagnosis) -> str:
+def insensitivity_note(diagnosis: Diagnosis) -> str:
     """Write that no change of the arm itself could have shown; empty where one could, or of valves alone."""
     units = {one.unit for one in diagnosis.heldout.channels.values()}
     if units <= {"Pa"} or any(one.effect in OF_THE_ARM for one in diagnosis.detection_limits):
         return ""
     return (
-        " But however large, no change of the arm's stiffness or of a chamber's gain, and no payload, would "
-        "have shown in these recordings."
+        " However, no change of the arm's stiffness or of a chamber's gain, and no payload, would have "
+        "shown in these recordings, whatever its size."
     )
 
 
-def nameless(diagnosis: Diagnosis) -> str:
+def unnamed_physics(diagnosis: Diagnosis) -> str:
     """Write that something is missing, and why it has no name."""
     unknown = [finding for finding in diagnosis.findings if finding.effect == "unknown"]
     if any(finding.confusable_with and finding.probability is None for finding in unknown):
@@ -205,7 +206,7 @@ def _unchecked(diagnosis: Diagnosis) -> str:
     if diagnosis.verdict == "consistent":
         return f"No missing physics was found. {unseen}"
     if diagnosis.verdict == "unexplained":
-        return f"{nameless(diagnosis)}. {unseen}"
+        return f"{unnamed_physics(diagnosis)}. {unseen}"
     return f"The model is missing physics, of which the findings below are known. {unseen}"
 
 
@@ -269,19 +270,19 @@ def evidence_sentence(finding: Finding) -> str:
 
 
 def is_white(test: InnovationTest) -> bool:
-    """Return whether the innovations of all channels are white noise of the learnt size."""
+    """Return whether the innovations of all channels are white noise of the estimated size."""
     sized = all(WHITE_VARIANCE[0] <= value <= WHITE_VARIANCE[1] for value in test.variance.values())
     alike = all(abs(value) <= WHITE_CORRELATION for value in test.correlation.values())
     return bool(test.variance) and sized and alike
 
 
 def noise(test: InnovationTest) -> str:
-    """Write whether what is left is white noise of the learnt size, itself and once its past is used."""
+    """Write whether what is left is white noise of the estimated size, itself and once its past is used."""
     if not test.variance:
-        return "Whether what is left is noise was not tested."
+        return "The residual was not tested for whiteness."
     verb = "is" if is_white(test) else "is not"
     words = (
-        f"What is left {verb} white noise of the learnt size once each channel's own past is used: over "
+        f"The residual {verb} white noise of the estimated size once each channel's own past is used: over "
         f"channels, {_spans(test.variance, test.correlation)}."
     )
     if not is_white(test):
@@ -311,7 +312,7 @@ def remaining(diagnosis: Diagnosis) -> str:
             f"{number(unexplained.normalised_rms)} times the noise."
         )
     if unexplained.when:
-        words += f" Most of it sits at {describe(unexplained.where)}; {dependence(unexplained.when)}."
+        words += f" Most of it is at {describe(unexplained.where)}; {dependence(unexplained.when)}."
     worst = unexplained.worst
     if worst is not None:
         words += (
@@ -387,8 +388,8 @@ def nearer(channels: ChannelErrors) -> list[str]:
         return []
     worst = min(ratios, key=lambda name: ratios[name])
     return [
-        f"A linear regression on the pressures errs {number(min(ratios.values()))} ({worst}) to "
-        f"{number(max(ratios.values()))} times as much on the same data."
+        f"The error of a linear regression on the pressures is {number(min(ratios.values()))} ({worst}) to "
+        f"{number(max(ratios.values()))} times as large on the same data."
     ]
 
 

@@ -17,10 +17,10 @@ from softarm.estimator.calibration import (
 )
 from softarm.estimator.calibration.nodes import choose_nodes
 from softarm.estimator.calibration.search import search_axes
-from softarm.estimator.node_by_node import NodeByNode
 from softarm.estimator.recording import Recording
 from softarm.estimator.response import BatchArmModel, BatchInputs
 from softarm.estimator.sensing import Bend
+from softarm.estimator.sequential_batch import SequentialBatchModel
 from softarm.estimator.specimen import Specimen
 
 LEAST_DURATION = 30.0
@@ -68,7 +68,7 @@ def quick_model(specimen: Specimen, advance: Callable[[float], None]) -> BatchAr
     rod = known_trusted_rod(specimen)
     if rod is not None:
         return rod.with_loads(())
-    return NodeByNode(build_arm(specimen, loads=()), advance)
+    return SequentialBatchModel(build_arm(specimen, loads=()), advance)
 
 
 def _foreign(model: BatchArmModel, specimen: Specimen, run: CalibrationRun) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from softarm.estimator.calibration.arrange import gravity_of
 from softarm.estimator.errors import InputError
-from softarm.estimator.intake import Intake, take_in
+from softarm.estimator.intake import Intake, check_recording
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen, load_specimen, parse_specimen
 from softarm.recordings import load_recording, read_attachments
@@ -24,7 +24,7 @@ def load_recordings(
     """Load recordings, each cut to a window of its time [s] where one is given.
 
     Recordings of one name in different folders are named with as many of their folders as distinguish them.
-    Their units are not checked: that is left to ``taken_in``, which mends what is unambiguous.
+    Their units are not checked: that is left to ``check_and_correct``, which corrects what is unambiguous.
 
     Raises:
         InputError: A recording cannot be read, is given twice, or has no samples in the window.
@@ -126,13 +126,13 @@ def specimen_of_any(given: str | None, paths: Sequence[Path]) -> Specimen:
     raise refusals[0]
 
 
-def taken_in(recording: Recording, specimen: Specimen, notify: Callable[[str], None]) -> Intake:
-    """Check and mend a recording: its units, labels and clocks; find its events, and report each.
+def check_and_correct(recording: Recording, specimen: Specimen, notify: Callable[[str], None]) -> Intake:
+    """Check and correct a recording: its units, labels and clocks; find its events, and report each.
 
     Raises:
-        InputError: It does not fit the specimen and cannot be mended unambiguously.
+        InputError: It does not fit the specimen and cannot be corrected unambiguously.
     """
-    intake = take_in(recording, specimen).required()
+    intake = check_recording(recording, specimen).required()
     for sentence in intake.sentences:
         notify(sentence)
     return intake

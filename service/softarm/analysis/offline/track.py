@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Flags, Floats
-from softarm.estimator.augmented import Follower, estimator_of
+from softarm.estimator.augmented import TrackingEstimator, estimator_of
 from softarm.estimator.calibration import CalibrationRun
 from softarm.estimator.dynamics import MovingForces
 from softarm.estimator.errors import InputError
@@ -108,7 +108,7 @@ def track(
     specimen: Specimen,
     run: CalibrationRun,
     advance: Callable[[float], None] = lambda _: None,
-    guide: ArmModel[Any, Any] | None = None,
+    fast_model: ArmModel[Any, Any] | None = None,
     waypoints: Waypoints[State] | None = None,
     tared: Flags | None = None,
 ) -> Track[State]:
@@ -122,11 +122,11 @@ def track(
         specimen: The robot.
         run: What was recorded, arranged for the model's sections.
         advance: Called with 1 after each sample.
-        guide: A fast model with the same loads, at whose answer a search begins that has nothing to go on.
+        fast_model: A fast model with the same loads; its solution is the start where no better one is known.
         waypoints: States of the same samples to begin at; filled where it is empty.
         tared: Samples from which the forces afterwards count; none where it is left out, shape (samples,).
     """
-    estimator = _estimator(model, specimen, run, guide)
+    estimator = _estimator(model, specimen, run, fast_model)
     gravity = np.array(specimen.gravity_m_s2)
     chosen = {int(k) for k in np.linspace(0, len(run.time) - 1, SHOWN)}
     shown: list[tuple[int, State]] = []
@@ -168,7 +168,7 @@ def track(
 
 
 def begin_near(
-    estimator: Follower[State], waypoints: Waypoints[State], index: int, loads: Sequence[Load]
+    estimator: TrackingEstimator[State], waypoints: Waypoints[State], index: int, loads: Sequence[Load]
 ) -> None:
     """Start an estimator without physics at a waypoint, where there is one."""
     start = waypoints.at(index, loads)
@@ -177,8 +177,11 @@ def begin_near(
 
 
 def _estimator(
-    model: ArmModel[State, Step], specimen: Specimen, run: CalibrationRun, guide: ArmModel[Any, Any] | None
-) -> Follower[State]:
+    model: ArmModel[State, Step],
+    specimen: Specimen,
+    run: CalibrationRun,
+    fast_model: ArmModel[Any, Any] | None,
+) -> TrackingEstimator[State]:
     """Make the estimator; physics of the specimen needs the model under the wrenches of its sections."""
     followed = model
     if specimen.physics:
@@ -193,7 +196,7 @@ def _estimator(
         run.suite,
         settings(model.loads, specimen, run),
         pressures_measured="commanded" not in run.pressure_source,
-        guide=guide,
+        fast_model=fast_model,
         recorded=(run.time, run.pressures),
     )
 

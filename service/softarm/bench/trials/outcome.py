@@ -67,5 +67,5 @@ def _outcome(line: bytes, place: str) -> TrialOutcome:
         return OUTCOME.validate_json(line)
     except ValidationError:
         raise InputError(
-            place, "is no outcome of a trial", "delete that line, or give another --out"
+            place, "is not the outcome of a trial", "delete that line, or give another --out"
         ) from None

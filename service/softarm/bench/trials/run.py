@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from threading import Lock
 
-from softarm.analysis.diagnosis.done import digest_of
+from softarm.analysis.diagnosis.digest import digest_of
 from softarm.analysis.diagnosis.report import FILE
 from softarm.analysis.diagnosis.run import DiagnosisRequest
 from softarm.bench.trials.folders import Trial

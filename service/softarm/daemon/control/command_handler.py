@@ -72,7 +72,7 @@ class RefusalError(Exception):
         self.hint = hint
 
 
-WAY_OUT: Mapping[Mode, str] = {
+MODE_HINTS: Mapping[Mode, str] = {
     Mode.STARTING: "wait until the service has started",
     Mode.IDLE: "acquire the lease and arm first",
     Mode.ARMED: "the arm is armed already: see the table of modes in docs/api.md",
@@ -140,7 +140,7 @@ class CommandHandler:
         except (RefusalError, LeaseError) as refusal:
             return Refused(verb=verb, code=refusal.code, message=str(refusal), hint=refusal.hint)
         except TransitionRefusedError as refusal:
-            hint = WAY_OUT[refusal.mode]
+            hint = MODE_HINTS[refusal.mode]
             return Refused(verb=verb, code="wrong_mode", message=str(refusal), hint=hint)
         except LimitError as refusal:
             return Refused(verb=verb, code="out_of_limit", message=refusal.what, hint=refusal.cure)
@@ -185,7 +185,9 @@ class CommandHandler:
         if isinstance(request, MovingRequest):
             self._context.controller.lease.check(request.lease, self._context.clock_ns())
             if not self._context.controller.lease.accept_sequence(request.sequence):
-                raise RefusalError("stale", f"sequence {request.sequence} is not new", "count upwards")
+                raise RefusalError(
+                    "stale", f"sequence {request.sequence} is not new", "increase it with every command"
+                )
         if isinstance(request, GuardedRequest):
             self._check_holder(request)
         return request
@@ -213,7 +215,7 @@ class CommandHandler:
             raise RefusalError("stale", f"the deadline passed {-remaining_s:.3f} s ago", hint)
         if remaining_s > FARTHEST_DEADLINE_S:
             message = f"the deadline is {remaining_s:.1f} s ahead, more than {FARTHEST_DEADLINE_S:g} s"
-            raise RefusalError("stale", message, f"send a nearer deadline; if it was near, {SET_CLOCKS}")
+            raise RefusalError("stale", message, f"send an earlier deadline; if it was early, {SET_CLOCKS}")
 
     def _refuse_blocked(self, mode: Mode, what: str = "") -> None:
         faults = self._context.blocking(mode)
@@ -249,9 +251,9 @@ class CommandHandler:
     def _set_pressures(self, request: SetPressures) -> Answer:
         controller = self._context.controller
         if controller.modes.mode not in (Mode.ARMED, Mode.EXPERIMENT):
-            message = f"set-points are not taken in {controller.modes.mode}"
-            raise RefusalError("wrong_mode", message, WAY_OUT[controller.modes.mode])
-        setpoint = controller.want(
+            message = f"set-points are not accepted in {controller.modes.mode}"
+            raise RefusalError("wrong_mode", message, MODE_HINTS[controller.modes.mode])
+        setpoint = controller.request_setpoint(
             np.array(request.pressures_pa), request.lifetime_s, self._context.clock_ns()
         )
         return {"asked_pa": setpoint.tolist(), "lifetime_s": request.lifetime_s}
@@ -287,17 +289,17 @@ class CommandHandler:
             await estimator_state.wait_for_hold(remaining_s - ANSWER_S, lambda: modes.changes != changes)
         if modes.changes != changes:
             message = f"the arm changed to {modes.mode} while the command waited for an estimate"
-            raise RefusalError("wrong_mode", message, WAY_OUT[modes.mode])
+            raise RefusalError("wrong_mode", message, MODE_HINTS[modes.mode])
         if estimator_state.held is not None:
             return estimator_state.held
         if estimator_state.hold_answer is not None:
-            hint = "bring the arm into another pose: these pressures would mean nothing"
+            hint = "move the arm to another pose: no pressures are known that hold this one"
             raise RefusalError("not_available", estimator_state.hold_answer.note, hint)
         if modes.mode in (Mode.TEACH, Mode.HOLDING):
             message = f"no estimate of the last {RECENT_S:g} s gave pressures for this pose in time"
             raise RefusalError("not_available", message, "see the service's findings, then try again")
         cause = f" ({modes.fault_cause})" if modes.fault_cause else ""
-        hint = "begin with teach/start" if modes.mode in PRESSURISED else WAY_OUT[modes.mode]
+        hint = "begin with teach/start" if modes.mode in PRESSURISED else MODE_HINTS[modes.mode]
         message = f"no pressures that hold the pose are computed in {modes.mode}{cause}"
         raise RefusalError("wrong_mode", message, hint)
 
@@ -342,7 +344,7 @@ class CommandHandler:
             raise RefusalError("not_available", f"no pose {request.name!r}", f"saved poses: {known}")
         self._refuse_blocked(Mode.HOLDING)
         goal = HoldGoal(np.array(pose.pressures_pa), pose.target)
-        self._begin_hold(goal, request, f"{request.client} goes to {request.name}")
+        self._begin_hold(goal, request, f"{request.client} moves to {request.name}")
         return {
             "name": request.name,
             "pressures_pa": list(pose.pressures_pa),

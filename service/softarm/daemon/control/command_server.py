@@ -34,7 +34,7 @@ class CommandServer:
     async def serve(self, call: Call) -> None:
         """Carry out one command and answer it, unless it would undo a stop that arrived after it."""
         # Checked when it is served, not when it arrives: the stop overtook it in between.
-        if self._bus.overtaken(call) and call.verb in NOT_AFTER_STOP:
+        if self._bus.stopped_since(call) and call.verb in NOT_AFTER_STOP:
             hint = "look at the arm, then send the command again"
             message = "the arm was stopped after this command was sent"
             self._answer(call, Refused(verb=call.verb, code="stale", message=message, hint=hint))

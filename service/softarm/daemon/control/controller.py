@@ -37,7 +37,7 @@ class ValveOutputs(Protocol):
 
 
 @dataclass(frozen=True)
-class Wanted:
+class RequestedSetpoint:
     """A set-point of a client.
 
     Args:
@@ -74,7 +74,7 @@ class Controller:
         self._limits = limits
         self._lifetime_s = safety.setpoint_lifetime_s
         self._hold_limits = HoldLimits(control.hold_rate_per_s, control.hold_authority_pa, limits)
-        self._wanted: Wanted | None = None
+        self._requested: RequestedSetpoint | None = None
         self._hold: HoldControl | None = None
         self._setpoint = np.zeros_like(limits)
 
@@ -86,7 +86,7 @@ class Controller:
     @property
     def commanding(self) -> bool:
         """Whether a set-point is in force that each tick renews."""
-        return self._wanted is not None or self._hold is not None
+        return self._requested is not None or self._hold is not None
 
     @property
     def hold(self) -> HoldControl | None:
@@ -117,7 +117,7 @@ class Controller:
         return self.modes.fire(trigger, cause, by)
 
     def _vent(self, reason: str) -> None:
-        self._wanted, self._hold = None, None
+        self._requested, self._hold = None, None
         self._setpoint = np.zeros_like(self._limits)
         self._valves.vent(reason)
 
@@ -125,7 +125,7 @@ class Controller:
         """Request that the valve terminal clears the errors that it keeps; return whether there are any."""
         return self._valves.acknowledge()
 
-    def want(self, pressures: Floats, lifetime_s: float, now_ns: int) -> Floats:
+    def request_setpoint(self, pressures: Floats, lifetime_s: float, now_ns: int) -> Floats:
         """Put a set-point in force.
 
         Args:
@@ -140,7 +140,7 @@ class Controller:
             LimitError: A pressure is out of range; nothing changes.
         """
         self._command(pressures)  # may raise, so it comes before anything is kept
-        self._wanted = Wanted(pressures, now_ns + round(lifetime_s * 1e9))
+        self._requested = RequestedSetpoint(pressures, now_ns + round(lifetime_s * 1e9))
         self._setpoint = pressures
         return pressures
 
@@ -185,17 +185,17 @@ class Controller:
             towards = None if measured is None else measured.towards
             self._hold, wanted = advance_hold(self._hold, towards, now_ns, interval_s, self._hold_limits)
             # Kept after the hold: TEACH goes on with these pressures, which no client renews.
-            self._wanted = Wanted(wanted, now_ns)
+            self._requested = RequestedSetpoint(wanted, now_ns)
             return wanted
-        if self._wanted is None:
+        if self._requested is None:
             return np.zeros_like(self._limits)
         # In TEACH and HOLDING no client renews them; there the lost lease ends them.
         follows_set_points = self.modes.mode in (Mode.ARMED, Mode.EXPERIMENT)
-        if follows_set_points and now_ns >= self._wanted.expires_ns:
-            self._wanted = None
+        if follows_set_points and now_ns >= self._requested.expires_ns:
+            self._requested = None
             return np.zeros_like(self._limits)
-        return self._wanted.pressures
+        return self._requested.pressures
 
     def keep_setpoint(self, now_ns: int, lifetime_s: float) -> None:
         """Keep the present set-points for a while: leaving a hold must not vent at once."""
-        self._wanted = Wanted(self._setpoint, now_ns + round(lifetime_s * 1e9))
+        self._requested = RequestedSetpoint(self._setpoint, now_ns + round(lifetime_s * 1e9))

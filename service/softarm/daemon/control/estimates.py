@@ -5,12 +5,12 @@ from numpy.typing import NDArray
 
 from softarm.daemon.config import Setup
 from softarm.daemon.control.controller import Controller
+from softarm.daemon.control.dependencies import LoopDependencies
 from softarm.daemon.control.estimator_state import EstimatorState
 from softarm.daemon.control.instruments import Instruments
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.control.readings import Readings
 from softarm.daemon.control.reporting import Reporter
-from softarm.daemon.control.surroundings import Surroundings
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult
 from softarm.daemon.safety.modes import Mode
 from softarm.daemon.safety.observation import EstimatorHealth
@@ -35,7 +35,7 @@ class Estimates:
 
     Args:
         setup: Rate, deadlines and gravity.
-        surroundings: Builds the estimator's process; clocks.
+        dependencies: Builds the estimator's process; clocks.
         readings: The newest sample of every channel.
         instruments: Name of the valve bank.
         controller: Mode and hold.
@@ -46,21 +46,21 @@ class Estimates:
     def __init__(
         self,
         setup: Setup,
-        surroundings: Surroundings,
+        dependencies: LoopDependencies,
         readings: Readings,
         instruments: Instruments,
         controller: Controller,
         estimator_state: EstimatorState,
         reporter: Reporter,
     ) -> None:
-        self.process = surroundings.estimator(self.take)
+        self.process = dependencies.estimator(self.on_result)
         self.test = MismatchTest()
         self._readings = readings
         self._instruments = instruments
         self._controller = controller
         self._estimator_state = estimator_state
         self._reporter = reporter
-        self._clocks = surroundings.clocks
+        self._clocks = dependencies.clocks
         self._tick_ns = 1e9 / setup.config.control.rate_hz
         self._deadline_s = setup.config.safety.estimator_deadline_s
         self._chambers = len(setup.specimen.chambers)
@@ -94,7 +94,7 @@ class Estimates:
     def _request(self) -> EstimationRequest | None:
         """Request an estimate of the newest readings, when the process is free for it."""
         now_ns = self._clocks.monotonic_ns()
-        if self._better_waits(now_ns):
+        if self._better_to_wait(now_ns):
             return None
         snapshot = self._readings.snapshot(now_ns)
         if not snapshot.used:
@@ -109,14 +109,14 @@ class Estimates:
             self._gravity,
             snapshot.used,
             snapshot.lost,
-            want_hold=controller.modes.mode in (Mode.TEACH, Mode.HOLDING),
+            with_hold=controller.modes.mode in (Mode.TEACH, Mode.HOLDING),
             target=None if controller.hold is None else controller.hold.goal.target,
-            want_contact=self._contact_due(now_ns),
+            with_contact=self._contact_due(now_ns),
             tare=self._estimator_state.tare,
-            want_mesh=self._shape_due(now_ns),
+            with_mesh=self._shape_due(now_ns),
         )
 
-    def _better_waits(self, now_ns: int) -> bool:
+    def _better_to_wait(self, now_ns: int) -> bool:
         """Return whether the last packet is so old that the next one, due soon, is worth the wait."""
         each_tick = self._interval_ns < NO_PACKET * self._tick_ns
         return (
@@ -141,7 +141,7 @@ class Estimates:
             self._drawn_ns = now_ns
         return due
 
-    def take(self, result: EstimationResult) -> None:
+    def on_result(self, result: EstimationResult) -> None:
         """Handle a result of the estimator: publish it, follow contacts and the test of the model."""
         # Measured from now, not from the readings: this is about the process, not about the sensors.
         self._last_result_ns = self._clocks.monotonic_ns()
@@ -155,7 +155,7 @@ class Estimates:
         since = self._estimator_state.contact_since_unix_ns
         if (before is None) is not (since is None):
             self._reporter.contact(began=since is not None)
-        if result.request.want_contact:
+        if result.request.with_contact:
             self._placed_ns = self._last_result_ns
         # The innovations of a search that stopped early do not test the model.
         if result.converged:

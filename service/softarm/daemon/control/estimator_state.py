@@ -143,14 +143,14 @@ class EstimatorState:
         """Keep the newest result of the estimator; the wall clock dates a contact."""
         self.failures = 0 if result.converged else self.failures + 1
         self.result = result
-        if result.hold is not None and result.hold.known:
+        if result.hold is not None and result.hold.valid:
             self._held = result.hold, result
         # A contact neither begins nor ends by an estimate that did not converge.
         if result.converged:
             self._follow_contact(result, unix_ns)
         if self.contact_since_unix_ns is None:
             self.contact = None
-        elif result.request.want_contact:
+        elif result.request.with_contact:
             self.contact = self._contact(result, self.contact_since_unix_ns)
         self._updated.set()
 
@@ -180,7 +180,7 @@ class EstimatorState:
     def hold(self) -> HoldAnswer | None:
         """Pressures that would hold the measured pose, from the newest estimate; ``None`` when unknown."""
         answer = self.hold_answer
-        return answer if answer is not None and answer.known else None
+        return answer if answer is not None and answer.valid else None
 
     @property
     def hold_answer(self) -> HoldAnswer | None:

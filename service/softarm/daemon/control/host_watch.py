@@ -9,7 +9,7 @@ from typing import Self
 
 from softarm.daemon.control.lateness import read_pressure
 
-LOOK_EVERY_S = 1.0
+CHECK_EVERY_S = 1.0
 
 
 @dataclass(frozen=True)
@@ -51,11 +51,11 @@ class HostWatch:
 
     def _watch(self) -> None:
         while True:
-            self.look()
-            if self._stop.wait(LOOK_EVERY_S):
+            self.check()
+            if self._stop.wait(CHECK_EVERY_S):
                 return
 
-    def look(self) -> None:
+    def check(self) -> None:
         """Look at the host now; this may wait for the disk."""
         existing = next(p for p in (self._directory, *self._directory.parents) if p.exists())
         try:

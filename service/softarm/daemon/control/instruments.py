@@ -117,7 +117,7 @@ class LiveInstruments:
 
     def valve_alarms(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return the fatal alarms of the valve bank, and the others."""
-        standing = self._bank.health.alarms.standing
+        standing = self._bank.health.alarms.active
         alarms = [(_fatal(alarm.key), f"{alarm.what}; {alarm.cure}") for alarm in standing]
         return (
             tuple(text for fatal, text in alarms if fatal),
@@ -166,7 +166,7 @@ class LiveInstruments:
         return {
             _place(device.name, alarm.key): f"{alarm.what}; {alarm.cure}"
             for device in self._devices
-            for alarm in device.health.alarms.standing
+            for alarm in device.health.alarms.active
         }
 
     async def connect(self) -> None:

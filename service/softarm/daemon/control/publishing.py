@@ -120,7 +120,7 @@ class Publisher:
             drift_median_s=None if inputs.drift is None else inputs.drift.median_s,
             drift_p99_s=None if inputs.drift is None else inputs.drift.p99_s,
             recording=inputs.recording,
-            teach_pressures_pa=tuple(hold.pressures.tolist()) if hold and hold.known else None,
+            teach_pressures_pa=tuple(hold.pressures.tolist()) if hold and hold.valid else None,
             teach_reachable=hold.reachable if hold else None,
             teach_note=hold.note if hold else None,
         )
@@ -139,7 +139,7 @@ class Publisher:
                 hint=standing.finding.hint,
                 since_unix_ns=standing.since_unix_ns,
             )
-            for standing in self._health.standing
+            for standing in self._health.active
         ]
 
     @property

@@ -70,7 +70,7 @@ class Readings:
         self._device_ns: dict[str, int] = {}
         self._references: dict[str, Floats] = {}
 
-    def take(self, reading: Reading[Any]) -> None:
+    def on_reading(self, reading: Reading[Any]) -> None:
         """Store a reading of a driver; this is the drivers' sink."""
         for entry in channel_readings(reading):
             self.put(entry)

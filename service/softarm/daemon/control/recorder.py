@@ -117,7 +117,7 @@ class Recorder:
         create: Creates a file and opens it for writing.
         free_bytes: Returns the space left at the last look, without looking; ``None`` when unknown.
         header: Entries of every recording: arm, specimen, configuration, version, host.
-        look: Looks up the free space of a directory's disk [bytes].
+        find_free_space: Looks up the free space of a directory's disk [bytes].
         clocks: Reads both clocks of the host.
     """
 
@@ -128,14 +128,14 @@ class Recorder:
         free_bytes: Callable[[], int | None] = lambda: None,
         *,
         header: Mapping[str, Any] | None = None,
-        look: Callable[[Path], int] = _free_space,
+        find_free_space: Callable[[Path], int] = _free_space,
         clocks: Callable[[], Start] = _clocks,
     ) -> None:
         self._directory = directory
         self._create = create
         self._free_bytes = free_bytes
         self._header = dict(header or {})
-        self._look = look
+        self._find_free_space = find_free_space
         self._clocks = clocks
         self._lock = threading.Lock()
         self._run: _Run | None = None
@@ -256,7 +256,7 @@ class Recorder:
 
     def _write(self, run: _Run) -> None:
         self._directory.mkdir(parents=True, exist_ok=True)
-        free_bytes = self._look(self._directory)
+        free_bytes = self._find_free_space(self._directory)
         if free_bytes < RESERVE_BYTES:
             raise RecorderError(f"{self._directory}: {_disk_full(free_bytes)}")
         path = _free_path(self._directory, run.name)
@@ -264,7 +264,7 @@ class Recorder:
         with self._create(part) as file:
             if run.abandoned:
                 part.unlink(missing_ok=True)
-                raise RecorderError(f"{path.name}: was opened too late, and given up")
+                raise RecorderError(f"{path.name}: was opened too late and abandoned")
             writer = StreamWriter(
                 file,
                 attachments={**run.attachments, INFO_FILE: format_info(run.info)},
@@ -278,7 +278,7 @@ class Recorder:
         # Only a file that is whole has the final name.
         part.rename(path)
         if ended_by_itself:
-            raise RecorderError(f"{path.name} was ended: {ended_by_itself}; it is whole up to there")
+            raise RecorderError(f"{path.name} was ended: {ended_by_itself}; it is complete up to there")
 
     def _write_items(self, writer: StreamWriter, run: _Run) -> str:
         """Write until the recording is stopped, or return why it ends by itself."""
@@ -295,7 +295,7 @@ class Recorder:
                 _write_item(writer, item, added)
             # By time, not by message: a disk that fills up while no sensor sends must end the recording too.
             if time.monotonic() - checked_s > SPACE_CHECK_S:
-                checked_s, free_bytes = time.monotonic(), self._look(self._directory)
+                checked_s, free_bytes = time.monotonic(), self._find_free_space(self._directory)
                 if free_bytes < RESERVE_BYTES:
                     return _disk_full(free_bytes)
 

@@ -3,10 +3,10 @@
 import logging
 from collections.abc import Mapping
 
+from softarm.daemon.control.dependencies import MessageSink
 from softarm.daemon.control.mismatch import MismatchTest
 from softarm.daemon.control.publishing import Kind, Publisher, StateInputs
 from softarm.daemon.control.streams import RecordedStreams, estimate_columns
-from softarm.daemon.control.surroundings import Outlet
 from softarm.daemon.estimation.messages import EstimationResult
 from softarm.daemon.safety.diagnostics import Diagnostic
 from softarm.daemon.safety.modes import SERVICE, Transition, Trigger
@@ -20,32 +20,32 @@ class Reporter:
     Args:
         arm: The arm's name.
         publisher: Builds the messages.
-        outlet: Publishes them.
+        sink: Publishes them.
         streams: Records them.
     """
 
-    def __init__(self, arm: str, publisher: Publisher, outlet: Outlet, streams: RecordedStreams) -> None:
+    def __init__(self, arm: str, publisher: Publisher, sink: MessageSink, streams: RecordedStreams) -> None:
         self._arm = arm
         self._publisher = publisher
-        self._outlet = outlet
+        self._sink = sink
         self._streams = streams
 
     @property
     def shape_wanted(self) -> bool:
         """Whether anybody listens to the shape, or a recording is due to get one."""
-        return self._outlet.shape_wanted or self._streams.shape_wanted
+        return self._sink.shape_wanted or self._streams.shape_wanted
 
     def state(self, inputs: StateInputs, test: MismatchTest) -> None:
         """Publish the state of the arm and of the test of its model."""
-        self._outlet.publish("state", self._publisher.state(inputs))
-        self._outlet.publish("mismatch", self._publisher.mismatch(test, inputs.recording))
+        self._sink.publish("state", self._publisher.state(inputs))
+        self._sink.publish("mismatch", self._publisher.mismatch(test, inputs.recording))
 
     def estimate(self, result: EstimationResult) -> None:
         """Publish and record an estimate."""
         estimate = self._publisher.estimate(result)
-        self._outlet.publish("estimate", estimate)  # before all that can wait
+        self._sink.publish("estimate", estimate)  # before all that can wait
         if result.nodes is not None:
-            self._outlet.publish_shape(result.nodes.astype("<f4").tobytes())
+            self._sink.publish_shape(result.nodes.astype("<f4").tobytes())
         if self._streams.recording:
             sections, time_s = self._publisher.sections, result.request.time_s
             self._streams.estimated(estimate_columns(estimate, sections), time_s)
@@ -82,4 +82,4 @@ class Reporter:
 
     def _happened(self, kind: Kind, where: str, text: str, by: str = SERVICE) -> None:
         self._streams.document("event", {"kind": kind, "where": where, "text": text, "by": by})
-        self._outlet.publish("event", self._publisher.occurrence(kind, where, text, by))
+        self._sink.publish("event", self._publisher.occurrence(kind, where, text, by))

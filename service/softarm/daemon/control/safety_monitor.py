@@ -77,7 +77,7 @@ class SafetyMonitor:
         """
         controller = self._inputs.controller
         if self._ran_out():
-            cause = "a set-point ran out before it was renewed, and the chambers vented"
+            cause = "a set-point expired before it was renewed, and the chambers vented"
             return controller.fire(Trigger.FAULT, self._of_the_bank(cause, now_ns))
         try:
             return controller.tick(now_ns, elapsed_s, self._inputs.estimator_state.hold)

@@ -64,7 +64,7 @@ class RecordedStreams:
         self.triangles = triangles
         self._shaped_ns = -SHAPE_EVERY_NS
 
-    def take(self, reading: ChannelReading) -> None:
+    def record_reading(self, reading: ChannelReading) -> None:
         """Record a reading of a channel."""
         place = self._topics.get(reading.device)
         if place is None or not self.recording:

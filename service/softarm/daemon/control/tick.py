@@ -48,7 +48,7 @@ class TickSchedule:
         """Monotonic time of the next deadline."""
         return self._start_ns + self._next * self._interval_ns
 
-    def take(self, now_ns: int) -> Tick:
+    def begin_tick(self, now_ns: int) -> Tick:
         """Return the newest deadline that has passed.
 
         Args:
@@ -101,7 +101,7 @@ class Ticker:
             self._due.clear()
             now_ns = time.monotonic_ns()
             if now_ns >= self._schedule.next_deadline_ns:  # else the last tick stood for this one as well
-                yield self._schedule.take(now_ns)
+                yield self._schedule.begin_tick(now_ns)
 
 
 class _Timer(ctypes.Structure):

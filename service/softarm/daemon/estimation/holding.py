@@ -15,24 +15,25 @@ from softarm.estimator.sensing import ActuationMap, SensorSuite
 
 
 @dataclass(frozen=True)
-class HeldArm:
+class HoldSolver:
     """What commands act on: finds the pressures that hold its estimated pose without a hand.
 
     Args:
         suite: The sensors.
         actuation: From measured to chamber pressures.
         limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
-        unshaped: From the pressures that act in the chambers to those before the specimen's physics.
+        pressures_before_effects: Maps the pressures in the chambers to those before the effects of the
+            specimen's physics.
     """
 
     suite: SensorSuite
     actuation: ActuationMap
     limits: Floats
-    unshaped: Callable[[Floats], Floats]
+    pressures_before_effects: Callable[[Floats], Floats]
 
     def commanded(self, acting: Floats) -> Floats:
         """Return the pressures to command for pressures that are to act in the chambers [Pa]."""
-        return self.actuation.to_measured(self.unshaped(acting))
+        return self.actuation.to_measured(self.pressures_before_effects(acting))
 
     def answer(self, estimate: ArmEstimate[Any], tare: Floats, target: PoseTarget | None) -> HoldAnswer:
         """Find the pressures that would hold the estimated pose, and those towards a target.
@@ -45,9 +46,9 @@ class HeldArm:
         pressures = estimate.inputs.pressures
         if not estimate.converged or not np.isfinite(estimate.motion).all():
             note = "the estimate did not converge, so nothing is known of the pose"
-            return HoldAnswer(np.zeros(len(self.limits)), reachable=False, note=note, known=False)
+            return HoldAnswer(np.zeros(len(self.limits)), reachable=False, note=note, valid=False)
         held = replace_loads(estimate, self.suite, self.limits, tare)
-        wanted = self._wanted(pressures + held.change)
+        wanted = self._clipped_command(pressures + held.change)
         if target is None:
             residuals = dict(estimate.residuals)
             return HoldAnswer(wanted, held.reachable, held.statement, residuals=residuals)
@@ -58,5 +59,5 @@ class HeldArm:
         towards = self.commanded(pressures + nearer.change) - self.commanded(pressures)
         return HoldAnswer(wanted, nearer.reachable, nearer.statement, towards=towards)
 
-    def _wanted(self, acting: Floats) -> Floats:
+    def _clipped_command(self, acting: Floats) -> Floats:
         return np.clip(self.commanded(acting), 0.0, self.limits)

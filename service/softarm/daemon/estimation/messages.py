@@ -62,10 +62,10 @@ class EstimationRequest(_Compact):
         gravity: Gravitational acceleration in the base frame [m/s2], shape (3,).
         used: Names of the sensors in the readings.
         lost: Names of those that are absent.
-        want_hold: Whether to find the pressures that hold the pose.
+        with_hold: Whether to find the pressures that hold the pose.
         target: The pose that is being held.
-        want_mesh: Whether to send the positions of the surface's nodes.
-        want_contact: Whether to place a push along the arm.
+        with_mesh: Whether to send the positions of the surface's nodes.
+        with_contact: Whether to place a push along the arm.
         tare: Load amplitudes that count as zero, shape (loads,); needed to place a push.
     """
 
@@ -76,10 +76,10 @@ class EstimationRequest(_Compact):
     gravity: Floats
     used: tuple[str, ...] = ()
     lost: tuple[str, ...] = ()
-    want_hold: bool = False
+    with_hold: bool = False
     target: PoseTarget | None = None
-    want_mesh: bool = False
-    want_contact: bool = False
+    with_mesh: bool = False
+    with_contact: bool = False
     tare: Floats | None = None
 
 
@@ -91,7 +91,7 @@ class HoldAnswer:
         pressures: As commanded to the valves, gauge [Pa], shape (chambers,).
         reachable: Whether they hold it within the sensors' noise.
         note: What limits the arm, in words.
-        known: Whether there is an answer; otherwise the pressures mean nothing and only the note counts.
+        valid: Whether there is an answer; otherwise the pressures mean nothing and only the note counts.
         towards: Change of the commanded pressures that would bring the arm to the target [Pa], shape
             (chambers,); ``None`` without a target.
         residuals: Residuals of the estimate in the measured pose, by sensor.
@@ -100,7 +100,7 @@ class HoldAnswer:
     pressures: Floats
     reachable: bool
     note: str
-    known: bool = True
+    valid: bool = True
     towards: Floats | None = None
     residuals: Mapping[str, Floats] = field(default_factory=dict)
 

@@ -12,25 +12,25 @@ from numpy.typing import NDArray
 
 from softarm.common.rods import known_trusted_rod, trusted_rod
 from softarm.daemon.config import ControlSettings, SensorSettings
-from softarm.daemon.estimation.holding import HeldArm
+from softarm.daemon.estimation.holding import HoldSolver
 from softarm.daemon.estimation.messages import EstimationRequest, EstimationResult, HoldAnswer
 from softarm.daemon.estimation.rod_check import RodCheck
 from softarm.daemon.estimation.worker import BuiltSolver
 from softarm.daemon.surface import drawn_surface
 from softarm.estimator.arm import build_arm, default_loads
 from softarm.estimator.arrays import Floats
-from softarm.estimator.augmented import AugmentedEstimator, Follower, estimator_of
+from softarm.estimator.augmented import AugmentedEstimator, TrackingEstimator, estimator_of
 from softarm.estimator.dynamics import MovingForces
 from softarm.estimator.fem import FiniteElementModel, FiniteElementState
 from softarm.estimator.fem.tracking import BackgroundFactorisation, TrackingModel
 from softarm.estimator.inverse import (
     ArmEstimate,
+    BackgroundSolver,
     ContactPlace,
     ContactProfile,
     Estimator,
     FallbackEstimator,
     LoadProcess,
-    Pursuit,
     Tolerances,
     TrackerSettings,
 )
@@ -49,12 +49,18 @@ WARM_UP_S = (0.0, 0.15, 0.3, 0.45, 0.46, 0.47)
 the third where a rod answers for them. The filter of the forces begins anew after a pause in which the arm
 may have swung, so the last follow at the pace of a live arm."""
 LIVE = Tolerances(
-    step=1e-4, residual=1e-4, iterations=20, radius=0.3, retreats=2, forecast=30.0, settles=False
+    step=1e-4,
+    residual=1e-4,
+    iterations=20,
+    radius=0.3,
+    rejections=2,
+    forecast=30.0,
+    solves_after_rejection=False,
 )
 """No instant waits for a long search: the next one continues it. Where an instant comes late, the arm has
 moved far: the search goes in short steps and judges none before the balance is near. It repeats a step that
 went wrong from where that began, for a solve of the model takes as long as thirty steps."""
-BRIEF = replace(LIVE, iterations=6, retreats=0)
+BRIEF = replace(LIVE, iterations=6, rejections=0)
 """Where the rod answers for the finite elements at once, a search of twice the usual length is abandoned."""
 PREPARED = 1e-3
 """Step in units of the inputs' scale that an estimate on the rod may leave to the next: 20 Pa and 0.5 mN."""
@@ -125,21 +131,25 @@ class Solver:
         self._check: RodCheck | None = None
         if self._on_rod:
             self._check = self._threads.enter_context(RodCheck(stretched(self._model, specimen)))
-        follower: Follower[Any] = estimator_of(
+        follower: TrackingEstimator[Any] = estimator_of(
             specimen, self._followed(specimen), self._model.loads, self._suite, tracker,
             pressures_measured=True,
         )  # fmt: skip
-        self._pursuit: Pursuit[Any] | None = None
+        self._background_solver: BackgroundSolver[Any] | None = None
         if falls_back and self._rod is not None and isinstance(follower, Estimator):
-            self._pursuit = self._threads.enter_context(Pursuit(follower.model, LIVE.radius))
+            self._background_solver = self._threads.enter_context(
+                BackgroundSolver(follower.model, LIVE.radius)
+            )
             rod: Any = stretched(self._rod.with_loads(self._model.loads), specimen)
             fast = Estimator(rod, self._suite, replace(tracker, tolerances=LIVE))
-            follower = FallbackEstimator(follower, fast, self._pursuit)
+            follower = FallbackEstimator(follower, fast, self._background_solver)
         self._estimator = follower
         self._moving = MovingForces.of(specimen, self._model.sections, self._model.loads, self._suite)
         self._tared = np.zeros(len(self._model.loads))
-        unshaped = follower.unshaped if isinstance(follower, AugmentedEstimator) else np.asarray
-        self._held_arm = HeldArm(self._suite, self._actuation, self._limits, unshaped)
+        pressures_before_effects = (
+            follower.pressures_before_effects if isinstance(follower, AugmentedEstimator) else np.asarray
+        )
+        self._held_arm = HoldSolver(self._suite, self._actuation, self._limits, pressures_before_effects)
         self._profile = ContactProfile(_heights(specimen), passes=1)
         every = (*self._model.loads, *self._profile.loads)
         models: dict[str, Any] = {"fem": self._model} | ({"rod": self._rod} if self._rod else {})
@@ -171,10 +181,10 @@ class Solver:
         readings = self._suite.stack({})
         pressures = np.full(self._model.chambers, WARM_UP_PRESSURE_PA)
         for time_s in WARM_UP_S:
-            result = self(EstimationRequest(time_s, 0, readings, pressures, gravity, want_hold=True))
+            result = self(EstimationRequest(time_s, 0, readings, pressures, gravity, with_hold=True))
             readings = self._suite.predict(Frames(result.positions, from_quaternions(result.quaternions)))
-            if self._pursuit is not None:
-                self._pursuit.wait()  # so that both models are warmed up
+            if self._background_solver is not None:
+                self._background_solver.wait()  # so that both models are warmed up
         # What stays is compiled code and the factor; the forces of made-up readings are forgotten.
         self._estimator.reset()
         self._moving.reset()
@@ -192,7 +202,7 @@ class Solver:
             self._moving.tare()
         loads, covariance = self._moving.update(request.time_s, request.readings, estimate)
         hold = self._held(request, estimate)
-        contact = self._contact(request, estimate) if request.want_contact else None
+        contact = self._contact(request, estimate) if request.with_contact else None
         return EstimationResult(
             request=request,
             converged=estimate.converged,
@@ -208,7 +218,7 @@ class Solver:
             unobservable=self._unobservable_directions(request, estimate),
             hold=hold,
             contact=contact,
-            nodes=self._nodes(estimate) if request.want_mesh else None,
+            nodes=self._nodes(estimate) if request.with_mesh else None,
             solve_s=time.perf_counter() - begin,
             rod_off_rad=None if self._check is None else self._check.departure,
         )
@@ -255,7 +265,7 @@ class Solver:
 
     def _held(self, request: EstimationRequest, estimate: ArmEstimate[Any]) -> HoldAnswer | None:
         """Compute the pressures that hold the pose while they are requested."""
-        if not request.want_hold:
+        if not request.with_hold:
             return None
         return self._held_arm.answer(estimate, self._tare(request), request.target)
 

@@ -373,7 +373,7 @@ class Worker(Generic[Request, Result]):
             return
         pause_s = min(policy.pause_s * 2.0 ** (deaths - 1), policy.longest_pause_s)
         logger.warning(
-            "the estimator died (%d of %d within %g s); it starts again in %.1f s",
+            "the estimator died (%d of %d within %g s); it is restarted in %.1f s",
             deaths,
             policy.deaths,
             policy.window_s,

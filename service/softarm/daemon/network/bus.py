@@ -191,7 +191,7 @@ class Bus:
             self._stops_waiting -= 1
         self._on_stop(call)
 
-    def overtaken(self, call: Call) -> bool:
+    def stopped_since(self, call: Call) -> bool:
         """Return whether a ``stop`` arrived after a command that still waits."""
         return call.stops_before < self.stops_seen
 

@@ -7,7 +7,7 @@ from softarm.daemon.safety.modes import PRESSURISED
 from softarm.daemon.safety.observation import DeviceStatus, Input, ServiceHealth
 from softarm_client.modes import Mode
 
-GIVE_A_CORE = "end other programs, or give softarm a core"
+REDUCE_THE_LOAD = "end other programs, or reserve a processor core for softarm"
 
 
 def _silence(age_s: float | None) -> str:
@@ -23,10 +23,10 @@ def check_valves(observation: ServiceHealth) -> Iterator[Diagnostic]:
     if valves.lost and not quiet:
         age = "never answered" if valves.age_s is None else f"has not answered for {valves.age_s:.2f} s"
         message = f"the valve bank {age}"
-        hint = "check power, network and address; the watchdog of the terminal vents meanwhile"
+        hint = "check power, network and address; the watchdog of the terminal vents in the meantime"
         if observation.busy and valves.age_s is not None:
             message = f"{message}, while {observation.busy}"
-            hint = f"the processor is late, perhaps not the valves: {GIVE_A_CORE}"
+            hint = f"the processor is late, perhaps not the valves: {REDUCE_THE_LOAD}"
         yield Diagnostic("valves_lost", valves.name, severity, message, hint)
     for fault in valves.faults:
         yield Diagnostic(
@@ -36,13 +36,13 @@ def check_valves(observation: ServiceHealth) -> Iterator[Diagnostic]:
         yield Diagnostic("valve_warning", valves.name, "warning", warning, "see docs/drivers.md")
 
 
-FOLLOWING_THE_POSE = frozenset({Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})
+MODES_USING_THE_POSE = frozenset({Mode.TEACH, Mode.HOLDING, Mode.EXPERIMENT})
 """Modes that cannot go on without knowing where the arm is."""
 
 
 def check_inputs(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find stale streams; one that the mode needs is a fault."""
-    blind = observation.mode in FOLLOWING_THE_POSE
+    blind = observation.mode in MODES_USING_THE_POSE
     for entry in observation.inputs:
         severity: Severity = "fault" if blind and entry.needed else "warning"
         if entry.stale and not (severity == "warning" and observation.settling):
@@ -58,7 +58,7 @@ def _stale(entry: Input, severity: Severity, busy: str) -> Diagnostic:
         "" if entry.needed else "; the estimator continues with the other sensors, and the covariance grows"
     )
     if busy:
-        hint = f"the processor is late, perhaps not the sensor: {GIVE_A_CORE}"
+        hint = f"the processor is late, perhaps not the sensor: {REDUCE_THE_LOAD}"
         return Diagnostic("stale_sensor", entry.name, severity, f"{age}, while {busy}{consequence}", hint)
     hint = entry.trouble or "check its cable, its power and its program"
     return Diagnostic("stale_sensor", entry.name, severity, age + consequence, hint)
@@ -79,7 +79,7 @@ def _connection(device: DeviceStatus, observation: ServiceHealth) -> Iterator[Di
     if device.gave_up:
         hint = f"{device.cure}; then command device/reconnect"
         yield Diagnostic(
-            "device_gave_up", device.name, "warning", f"{device.error}; the service does not try again", hint
+            "device_gave_up", device.name, "warning", f"{device.error}; the service does not retry", hint
         )
     elif not device.connected and (device.error or not observation.settling):
         message = device.error or "is not connected yet"
@@ -93,14 +93,14 @@ def _connection(device: DeviceStatus, observation: ServiceHealth) -> Iterator[Di
 
 FAILURES_ALLOWED = 20
 """A fifth of a second at 100 Hz: an arm that is pushed may cost a few estimates."""
-STEERING_BY_THE_ESTIMATE = frozenset({Mode.TEACH, Mode.HOLDING})
-"""Modes whose pressures come from the estimate; an experiment plays its own and may excite oscillations."""
+MODES_USING_THE_ESTIMATE = frozenset({Mode.TEACH, Mode.HOLDING})
+"""Modes whose pressures come from the estimate; an experiment applies its own and may excite oscillations."""
 
 
 def check_estimator(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find an estimator on which the mode can no longer rely."""
     estimator = observation.estimator
-    severity: Severity = "fault" if observation.mode in FOLLOWING_THE_POSE else "warning"
+    severity: Severity = "fault" if observation.mode in MODES_USING_THE_POSE else "warning"
     if estimator.starting:
         if severity == "warning":
             return  # a start is no trouble; only a mode that needs the pose is refused meanwhile
@@ -114,11 +114,11 @@ def check_estimator(observation: ServiceHealth) -> Iterator[Diagnostic]:
         message, hint = "the estimator returns no results", "a sensor may be lost: see the other findings"
         if observation.busy:
             message = f"{message}, while {observation.busy}"
-            hint = f"the processor is late: {GIVE_A_CORE}"
+            hint = f"the processor is late: {REDUCE_THE_LOAD}"
     elif estimator.failures > FAILURES_ALLOWED:
         message = f"{estimator.failures} estimates in a row did not converge"
         hint = "the model does not fit the arm: calibrate, or run softarm diagnose on a recording"
-        severity = "fault" if observation.mode in STEERING_BY_THE_ESTIMATE else "warning"
+        severity = "fault" if observation.mode in MODES_USING_THE_ESTIMATE else "warning"
     else:
         return
     yield Diagnostic("estimator_failed", "estimator", severity, message, hint)
@@ -129,7 +129,11 @@ def check_recorder(observation: ServiceHealth) -> Iterator[Diagnostic]:
     recorder = observation.recorder
     if recorder.error:
         yield Diagnostic(
-            "recorder_failed", "recorder", "warning", recorder.error, "free the disk, then record/start again"
+            "recorder_failed",
+            "recorder",
+            "warning",
+            recorder.error,
+            "free space on the disk, then record/start again",
         )
     elif recorder.active and recorder.dropped:
         message = f"{recorder.dropped} messages of this recording were dropped"
@@ -158,7 +162,7 @@ def check_loop(observation: ServiceHealth) -> Iterator[Diagnostic]:
     """Find a loop that skipped ticks."""
     if observation.overruns > OVERRUNS_ALLOWED and not observation.settling:
         message = f"{observation.overruns} control ticks were skipped in the last second"
-        hint = f"the machine is overloaded: {GIVE_A_CORE}"
+        hint = f"the machine is overloaded: {REDUCE_THE_LOAD}"
         yield Diagnostic("loop_overrun", "control", "warning", message, hint)
 
 

@@ -68,7 +68,7 @@ class HealthMonitor:
         self._present: tuple[Diagnostic, ...] = ()
 
     @property
-    def standing(self) -> tuple[ActiveAlarm, ...]:
+    def active(self) -> tuple[ActiveAlarm, ...]:
         """Every finding that stands, oldest first."""
         return tuple(self._standing.values())
 

@@ -80,7 +80,7 @@ class LeaseManager:
         """
         current = self._current(now_ns)
         if current is not None and token != current.token:
-            cure = "wait until it is released or runs out"
+            cure = "wait until it is released or expires"
             raise LeaseError("lease_held", f"the lease is held by {current.holder}", cure)
         if current is None:
             self._last_sequence = -1  # a new client begins its own count

@@ -39,8 +39,8 @@ def main() -> None:
     type=click.Choice(list(MOUNTS)),
 )
 @click.option("--effect", "effects", multiple=True, help="Such as 'tip_payload mass=0.02 section=tip'.")
-@click.option("--variant", "arm", type=click.IntRange(0), help="Draw another arm of the same drawing.")
-@click.option("--specimen", help="Specimen whose arm to play; SoPrA when left out.")
+@click.option("--variant", "arm", type=click.IntRange(0), help="Draw another arm of the same design.")
+@click.option("--specimen", help="Specimen whose arm to simulate; SoPrA when left out.")
 @click.option(
     "--seed", type=click.IntRange(0), default=0, show_default=True, help="Of the manoeuvre and of the noise."
 )

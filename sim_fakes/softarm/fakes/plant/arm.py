@@ -15,7 +15,7 @@ from softarm.fakes.plant.forward_dynamics import ForwardDynamics
 from softarm.fakes.plant.loads import TautLine, contact, grasp, strength
 from softarm.fakes.plant.material import FibreMemory, fresh_memory, joint_forces, tabulate
 from softarm.fakes.plant.parameters import ArmParameters, sopra
-from softarm.fakes.plant.pneumatics import lines, muscles
+from softarm.fakes.plant.pneumatics import effective_pressure, lines
 from softarm.fakes.plant.random_law import RandomLaw
 from softarm.fakes.plant.rotations import product, rotation_matrix, tilt
 from softarm.fakes.plant.state import Cord, PlantInputs, PlantState
@@ -95,7 +95,7 @@ class FakeArm:
 
         Raises:
             InputError: The time lies before the last step, the number of pressures is wrong, or an effect is
-                so strong that the arm flew apart.
+                so strong that the simulation diverged.
         """
         steps = int(np.floor((time - self._start) / self._parameters.step + 1e-6))
         if steps < self._steps:
@@ -149,7 +149,7 @@ class FakeArm:
         self._table = tabulate(self._parameters, self._chain.joints)
         self._memory = fresh_memory(self._table)
         self._lines = lines(self._parameters.actuation, self._parameters.step)
-        self._muscles = muscles(self._parameters)
+        self._muscles = effective_pressure(self._parameters)
         actuation = self._parameters.actuation
         strength, law = actuation.random_law
         self._law = RandomLaw.draw(strength, law, self._plain.groups) if strength else None
@@ -211,7 +211,7 @@ class FakeArm:
             self._area_law, self._modulus_factor(), settling,
         )  # fmt: skip
         if not np.abs(forces).max() < FORCE_LIMIT:
-            raise InputError("fake arm", f"flew apart at {self._time:.3f} s", "weaken its effects or loads")
+            raise InputError("fake arm", f"diverged at {self._time:.3f} s", "weaken its effects or loads")
         self._data.qfrc_applied[self._elastic] = forces
         self._damp(settling)
         self._apply_loads(inputs)

@@ -67,7 +67,7 @@ def layout_of(specimen: Specimen) -> ChamberLayout:
 def _plain(specimen: Specimen) -> ArmParameters:
     """Translate a specimen into the parameters of a fake arm without tolerances."""
     if not specimen.chambers:
-        raise InputError(specimen.name, "has no chambers", "the fakes play arms that pressure bends")
+        raise InputError(specimen.name, "has no chambers", "only arms with chambers can be simulated")
     sections = _below(specimen)
     outline, reach = outline_of(specimen)
     axis = np.linspace(-reach, reach, GRID) * 1.02
@@ -103,7 +103,7 @@ def _below(specimen: Specimen) -> list[Section]:
         raise InputError(
             f"{specimen.name}: sections",
             "are not one at the base and one below each segment",
-            "the fakes play only arms of that order",
+            "only arms with this order of sections can be simulated",
         )
     return list(specimen.sections)
 

@@ -35,7 +35,7 @@ def lines(actuation: Actuation, step: float) -> Lines:
 
 
 @dataclass(frozen=True)
-class Muscles:
+class EffectivePressure:
     """The effective pressure of each chamber.
 
     Args:
@@ -61,11 +61,11 @@ class Muscles:
         return self.mixing @ effective
 
 
-def muscles(arm: ArmParameters) -> Muscles:
+def effective_pressure(arm: ArmParameters) -> EffectivePressure:
     """Make the map from chamber pressures to effective pressures."""
     neighbours = np.zeros((arm.chambers, arm.chambers))
     for group in arm.groups:
         neighbours[np.ix_(group, group)] = 1.0
     np.fill_diagonal(neighbours, 0.0)
     mixing = np.diag(arm.actuation.gains) + np.array(arm.actuation.crosstalk)
-    return Muscles(mixing, neighbours, arm.actuation)
+    return EffectivePressure(mixing, neighbours, arm.actuation)

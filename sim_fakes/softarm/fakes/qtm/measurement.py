@@ -10,7 +10,7 @@ from softarm.fakes.parts import BodyPart, QtmPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.qtm.packets import MeasuredFrame, PacketBody
 from softarm.fakes.rotation import Quaternion, columns, from_rotation_vector, multiply, rotate
-from softarm.fakes.signals import See
+from softarm.fakes.signals import SignalFilter
 
 MILLIMETRES = 1e3
 QUIET_NAN = float("nan")
@@ -58,7 +58,7 @@ class MotionMeasurement:
         misalignments: Rotation vector of the mount on each named section [rad].
         faults: The board with at least ``measurement_faults``.
         seed: Seed of the noise.
-        see: What is concealed in a ``pose``.
+        signal_filter: What is concealed in a ``pose``.
     """
 
     def __init__(
@@ -68,12 +68,12 @@ class MotionMeasurement:
         misalignments: Mapping[str, Floats],
         faults: FaultBoard,
         seed: int,
-        see: See,
+        signal_filter: SignalFilter,
     ) -> None:
         self.part = part
         self.bodies = list(part.bodies)
         self.start_time = 0.0
-        self._see = see
+        self._signal_filter = signal_filter
         self._sections = list(sections)
         self._axes = {body.name: _axes(body, misalignments) for body in part.bodies}
         self._faults = faults
@@ -130,7 +130,7 @@ class MotionMeasurement:
     def _pose(self, body: BodyPart, state: PlantState) -> PacketBody:
         index = self._sections.index(body.section)
         true = np.concatenate([state.positions[index], state.quaternions[index]])
-        x, y, z, *quaternion = self._see("pose", f"frame_{body.section}", state.time, true).tolist()
+        x, y, z, *quaternion = self._signal_filter("pose", f"frame_{body.section}", state.time, true).tolist()
         section: Quaternion = (quaternion[0], quaternion[1], quaternion[2], quaternion[3])
         dx, dy, dz = rotate(section, body.offset_m)
         noise = self._random.standard_normal(7).tolist()

@@ -187,7 +187,7 @@ class QtmServer:
                 continue
             if stream.components not in encoded:
                 data = packets.data_packet(frame, stream.components)
-                encoded[stream.components] = spoil(data, self.faults)
+                encoded[stream.components] = corrupt(data, self.faults)
             client.send_frame(encoded[stream.components], stream)
 
     def _send_after(self, delay: float, frame: MeasuredFrame) -> None:
@@ -237,7 +237,7 @@ class QtmServer:
         self.announce(SETTINGS_CHANGED)
 
 
-def spoil(data: bytes, faults: FaultBoard) -> bytes:
+def corrupt(data: bytes, faults: FaultBoard) -> bytes:
     """Apply the faults that change the bytes of a data packet."""
     if faults.hit("zero_size"):
         data = struct.pack("<II", 0, packets.DATA) + data[8:]

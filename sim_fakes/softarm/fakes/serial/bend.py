@@ -9,7 +9,7 @@ from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.parts import BendPart
 from softarm.fakes.plant.state import Plant, PlantState
 from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument
-from softarm.fakes.signals import See
+from softarm.fakes.signals import SignalFilter
 
 DEAD_ZONE_DEGREES = 0.5
 CUTOFF_HZ, FILTER_HZ = 20.0, 100.0
@@ -68,15 +68,17 @@ class BendBoard(Instrument):
         faults: The board with ``bend_faults``.
         plant: The arm.
         seed: Seed of the noise.
-        see: What is concealed in a ``bend``, given for each segment as ``bend_<section below it>``.
+        signal_filter: What is concealed in a ``bend``, given for each segment as ``bend_<section below it>``.
     """
 
     checks_baud = False
 
-    def __init__(self, part: BendPart, faults: FaultBoard, plant: Plant, seed: int, see: See) -> None:
+    def __init__(
+        self, part: BendPart, faults: FaultBoard, plant: Plant, seed: int, signal_filter: SignalFilter
+    ) -> None:
         super().__init__(faults, part.baud, part.rate_hz)
         self.resets_on_open = part.resets_on_open
-        self._see = see
+        self._signal_filter = signal_filter
         self._channels = [f"bend_{section}" for section in plant.sections[1:]]
         self._segments = [plant.segments.index(name) if name else None for name in part.sensors]
         self._noise = part.noise_rad
@@ -98,7 +100,7 @@ class BendBoard(Instrument):
         if self.faults.hit("reboot") or self._reboot:
             self.power_on(time)
             return b""
-        self._beat.take(time)
+        self._schedule.advance(time)
         text = b"" if self._greeted else self._greeting()
         angles = self._sense(state)
         self._greeted = True
@@ -123,7 +125,9 @@ class BendBoard(Instrument):
         angles = [0.0, 0.0] * len(self._segments)
         for sensor, segment in enumerate(self._segments):
             if segment is not None:
-                measured = self._see("bend", self._channels[segment], state.time, state.bends[segment])
+                measured = self._signal_filter(
+                    "bend", self._channels[segment], state.time, state.bends[segment]
+                )
                 angles[2 * sensor : 2 * sensor + 2] = [float(angle) for angle in measured]
         raw = np.degrees(np.array(angles) + self._random.normal(0.0, self._noise, len(angles)))
         numerator, denominator = self._filter

@@ -8,7 +8,7 @@ from softarm.fakes.parts import BnoPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.rotation import Vector, roll_pitch_yaw
 from softarm.fakes.serial.attitude import Attitude
-from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, spoiled
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, corrupted
 
 MILLI_G = 9.80665e-3
 LAYOUT = struct.Struct("<B6h3x")
@@ -71,13 +71,13 @@ class BnoRvc(Instrument):
             self.power_on(time + float(reset["silent_s"]))
             return b""
         changed = self.faults.hit("wrong_rate")
-        self._beat.rate = float(changed["hz"]) if changed else self._rate
-        self._beat.take(time)
+        self._schedule.rate = float(changed["hz"]) if changed else self._rate
+        self._schedule.advance(time)
         if gap := self.faults.hit("index_gap"):
             self._index = (self._index + int(gap["frames"])) & 0xFF
         frame = self._frame(state)
         self._index = (self._index + 1) & 0xFF
-        return spoiled(frame, self.faults)
+        return corrupted(frame, self.faults)
 
     def _frame(self, state: PlantState) -> bytes:
         roll, pitch, yaw = map(math.degrees, roll_pitch_yaw(self._attitude.orientation(state)))

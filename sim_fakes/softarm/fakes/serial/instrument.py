@@ -16,7 +16,7 @@ PORT_FAULTS = (
 )
 
 
-class Beat:
+class SendSchedule:
     """Times at a fixed rate [Hz], without drift; what is more than a second late is left out."""
 
     def __init__(self, rate: float) -> None:
@@ -27,7 +27,7 @@ class Beat:
         """Set the next beat to ``time`` [s]."""
         self.next = time
 
-    def take(self, time: float) -> None:
+    def advance(self, time: float) -> None:
         """Pass the beat that is due at ``time`` [s]."""
         self.next += 1.0 / self.rate
         if time - self.next > 1.0:
@@ -54,16 +54,16 @@ class Instrument:
     def __init__(self, faults: FaultBoard, baud: int, rate: float = 1.0) -> None:
         self.faults = faults
         self.baud = baud
-        self._beat = Beat(rate)
+        self._schedule = SendSchedule(rate)
 
     def power_on(self, time: float) -> bytes:
         """Start at ``time`` [s]; return what it sends at once."""
-        self._beat.start(time)
+        self._schedule.start(time)
         return b""
 
     def next_time(self) -> float | None:
         """Return the time of the next output of its own [s]; None while it only answers."""
-        return self._beat.next
+        return self._schedule.next
 
     def update(self, time: float, state: PlantState) -> bytes:  # noqa: ARG002
         """Return what it sends at ``time`` [s] without a request."""
@@ -74,7 +74,7 @@ class Instrument:
         return b""
 
 
-def spoiled(frame: bytes, faults: FaultBoard) -> bytes:
+def corrupted(frame: bytes, faults: FaultBoard) -> bytes:
     """Return a frame as the faults ``bad_checksum`` and ``byte_slip`` leave it."""
     if faults.hit("bad_checksum"):
         frame = frame[:-1] + bytes([frame[-1] ^ 0x55])

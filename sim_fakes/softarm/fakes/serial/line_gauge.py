@@ -36,7 +36,7 @@ class LineGauge(Instrument):
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the line that is due."""
-        self._beat.take(time)
+        self._schedule.advance(time)
         if self._cell.is_off():
             return b""
         if malformed := self.faults.hit("malformed"):

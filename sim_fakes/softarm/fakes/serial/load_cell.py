@@ -5,7 +5,7 @@ import numpy as np
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.parts import GaugePart
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.signals import See
+from softarm.fakes.signals import SignalFilter
 
 STANDARD_GRAVITY = 9.80665
 NEWTONS_PER = {
@@ -33,13 +33,13 @@ class LoadCell:
         part: The gauge around it.
         faults: The board with at least ``GAUGE_FAULTS``.
         seed: Seed of the noise.
-        see: What is concealed in a ``gauge``.
+        signal_filter: What is concealed in a ``gauge``.
     """
 
-    def __init__(self, part: GaugePart, faults: FaultBoard, seed: int, see: See) -> None:
+    def __init__(self, part: GaugePart, faults: FaultBoard, seed: int, signal_filter: SignalFilter) -> None:
         self._part = part
         self._faults = faults
-        self._see = see
+        self._signal_filter = signal_filter
         self._random = np.random.default_rng(seed)
         self._zero = 0.0
 
@@ -63,5 +63,5 @@ class LoadCell:
     def _load(self, state: PlantState) -> float:
         offset = self._faults.active("offset")
         shift = float(offset["newtons"]) if offset else 0.0
-        pull = self._see("gauge", "gauge_cord", state.time, np.array([state.cord_force]))
+        pull = self._signal_filter("gauge", "gauge_cord", state.time, np.array([state.cord_force]))
         return float(pull[0]) + shift + self._part.drift_n_per_s * state.time

@@ -50,7 +50,7 @@ class LutronGauge(Instrument):
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the reading that is due."""
-        self._beat.take(time)
+        self._schedule.advance(time)
         if self._cell.is_off():
             return b""
         chosen = self.faults.hit("unit")

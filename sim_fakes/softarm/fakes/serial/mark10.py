@@ -6,7 +6,7 @@ import re
 from softarm.fakes.faults import Fault, FaultBoard
 from softarm.fakes.parts import Mark10Part
 from softarm.fakes.plant.state import PlantState
-from softarm.fakes.serial.instrument import PORT_FAULTS, Beat, Instrument
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, SendSchedule
 from softarm.fakes.serial.load_cell import GAUGE_FAULTS, NEWTONS_PER, LoadCell
 
 UNITS = {
@@ -55,11 +55,11 @@ class FakeMark10(Instrument):
 
     def next_time(self) -> float | None:
         """Return the time of the next reading of the continuous output [s]."""
-        return self._beat.next if self._streams else None
+        return self._schedule.next if self._streams else None
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the reading that is due."""
-        self._beat.take(time)
+        self._schedule.advance(time)
         return b"" if self._cell.is_off() else self._reading(state)
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:
@@ -111,8 +111,8 @@ class FakeMark10(Instrument):
             return INVALID
         else:
             self._streams = number > 0
-            self._beat = Beat(number or 1.0)
-            self._beat.start(time)
+            self._schedule = SendSchedule(number or 1.0)
+            self._schedule.start(time)
         return b""
 
     def _clear(self, command: str, state: PlantState) -> None:
@@ -124,7 +124,7 @@ class FakeMark10(Instrument):
         unit = LIST_UNITS[self._chosen_unit()]
         output = "NUM" if self.faults.active("no_unit") else "FULL"
         polarity = "INV" if self.faults.active("inverted") else "POL"
-        auto = f"AOUT{int(self._beat.rate) if self._streams else 0:02d}"
+        auto = f"AOUT{int(self._schedule.rate) if self._streams else 0:02d}"
         filters = f"FLTC{2 ** self._filters['C']};FLTP{2 ** self._filters['P']}"
         return f"V1.00;{unit};CUR;{filters};{auto};AOFF{self._auto_off};{output};MIT;{polarity};B0"
 

@@ -52,7 +52,7 @@ class QuaternionLine(Instrument):
         if self.faults.hit("reset"):
             self.power_on(time + 1.0)
             return b""
-        self._beat.take(time)
+        self._schedule.advance(time)
         if malformed := self.faults.hit("malformed"):
             return MALFORMED[str(malformed["kind"])] + b"\r\n"
         lines = b""

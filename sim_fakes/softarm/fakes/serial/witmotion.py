@@ -10,7 +10,7 @@ from softarm.fakes.plant.state import PlantState
 from softarm.fakes.rotation import roll_pitch_yaw
 from softarm.fakes.serial.attitude import Attitude
 from softarm.fakes.serial.bno import CHECKSUM_FAULT, SLIP_FAULT
-from softarm.fakes.serial.instrument import PORT_FAULTS, Beat, Instrument, spoiled
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, SendSchedule, corrupted
 
 RATES = {1: 0.2, 2: 0.5, 3: 1, 4: 2, 5: 5, 6: 10, 7: 20, 8: 50, 9: 100, 10: 125, 11: 200}
 BAUDS = {1: 4800, 2: 9600, 3: 19200, 4: 38400, 5: 57600, 6: 115200, 7: 230400, 8: 460800, 9: 921600}
@@ -67,15 +67,15 @@ class WitMotion(Instrument):
 
     def next_time(self) -> float | None:
         """Return the time of the next group of frames [s]; None when the rate is off."""
-        return self._beat.next if self._registers[RATE] in RATES else None
+        return self._schedule.next if self._registers[RATE] in RATES else None
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the group of frames that is due."""
         if self.faults.hit("forgets"):
             self._saved = {CONTENT: DEFAULT_CONTENT, RATE: DEFAULT_RATE}
             self.power_on(time)
-        self._beat.take(time)
-        return spoiled(self._frames(time, state), self.faults)
+        self._schedule.advance(time)
+        return corrupted(self._frames(time, state), self.faults)
 
     def receive(self, time: float, data: bytes, state: PlantState) -> bytes:  # noqa: ARG002
         """Handle configuration commands."""
@@ -103,8 +103,8 @@ class WitMotion(Instrument):
             self._apply_rate(time)
 
     def _apply_rate(self, time: float) -> None:
-        self._beat = Beat(RATES.get(self._registers[RATE], 1.0))
-        self._beat.start(time)
+        self._schedule = SendSchedule(RATES.get(self._registers[RATE], 1.0))
+        self._schedule.start(time)
 
     def _frames(self, time: float, state: PlantState) -> bytes:
         content = self._registers[CONTENT]

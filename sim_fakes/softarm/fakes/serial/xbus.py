@@ -7,7 +7,7 @@ from softarm.fakes.parts import XbusPart
 from softarm.fakes.plant.state import PlantState
 from softarm.fakes.serial.attitude import Attitude
 from softarm.fakes.serial.bno import CHECKSUM_FAULT, GAP_FAULT, SLIP_FAULT
-from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, spoiled
+from softarm.fakes.serial.instrument import PORT_FAULTS, Instrument, corrupted
 
 GO_TO_MEASUREMENT, GO_TO_CONFIG, OUTPUT_CONFIGURATION = 0x10, 0x30, 0xC0
 DATA, WAKE_UP, ERROR = 0x36, 0x3E, 0x42
@@ -57,12 +57,12 @@ class XbusModule(Instrument):
         """Send WakeUp and measure after a while unless the host answers."""
         self._buffer.clear()
         self._counter, self._start, self._measuring = 0, time, True
-        self._beat.start(time + WAKE_UP_WAIT)
+        self._schedule.start(time + WAKE_UP_WAIT)
         return xbus_message(WAKE_UP)
 
     def next_time(self) -> float | None:
         """Return the time of the next data message [s]; None in the configuration state."""
-        return self._beat.next if self._measuring else None
+        return self._schedule.next if self._measuring else None
 
     def update(self, time: float, state: PlantState) -> bytes:
         """Send the data message that is due."""
@@ -71,7 +71,7 @@ class XbusModule(Instrument):
         if self.faults.hit("config_mode"):
             self._measuring = False
             return b""
-        self._beat.take(time)
+        self._schedule.advance(time)
         if gap := self.faults.hit("index_gap"):
             self._counter += int(gap["frames"])
         ticks = round((time - self._start) * self._clock * TICKS_PER_SECOND) & 0xFFFFFFFF
@@ -79,7 +79,7 @@ class XbusModule(Instrument):
         quaternion = struct.pack(">HB4f", 0x2010, 16, *self._attitude.orientation(state))
         message = xbus_message(DATA, groups + quaternion)
         self._counter += 1
-        message = spoiled(message, self.faults)
+        message = corrupted(message, self.faults)
         if error := self.faults.hit("error"):
             message += xbus_message(ERROR, bytes([int(error["code"])]))
         return message
@@ -121,7 +121,7 @@ class XbusModule(Instrument):
             return b""  # a module that measures heeds nothing but GoToConfig
         if kind == GO_TO_MEASUREMENT:
             self._measuring = True
-            self._beat.start(time)
+            self._schedule.start(time)
             return xbus_message(kind + 1)
         if kind == OUTPUT_CONFIGURATION:
             return xbus_message(kind + 1, data)

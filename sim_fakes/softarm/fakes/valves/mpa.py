@@ -6,7 +6,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.fakes.faults import Fault, FaultBoard
-from softarm.fakes.signals import See
+from softarm.fakes.signals import SignalFilter
 from softarm.fakes.valves.pneumatics import MBAR, Pneumatics, Regulators
 
 SUPPLY_FAULTY, CHANNEL_FAILED = 26, 31
@@ -51,10 +51,12 @@ def signed(word: int) -> int:
 class RegulatedValves:
     """Proportional valves under the faults that both terminals share; arguments as of ``MpaBank``."""
 
-    def __init__(self, faults: FaultBoard, valves: int, figures: Regulators, seed: int, see: See) -> None:
+    def __init__(
+        self, faults: FaultBoard, valves: int, figures: Regulators, seed: int, signal_filter: SignalFilter
+    ) -> None:
         self._faults = faults
         self._figures = figures
-        self._pneumatics = Pneumatics(valves, figures, seed, see)
+        self._pneumatics = Pneumatics(valves, figures, seed, signal_filter)
         self._free = np.ones(valves, dtype=np.bool_)
 
     def pressures(self) -> Floats:
@@ -87,11 +89,13 @@ class MpaBank(RegulatedValves):
         valves: Number of valves, one module each.
         figures: Figures of the regulators.
         seed: Seed of spread and noise.
-        see: What is concealed in set-points and readings, in valve order.
+        signal_filter: What is concealed in set-points and readings, in valve order.
     """
 
-    def __init__(self, faults: FaultBoard, valves: int, figures: Regulators, seed: int, see: See) -> None:
-        super().__init__(faults, valves, figures, seed, see)
+    def __init__(
+        self, faults: FaultBoard, valves: int, figures: Regulators, seed: int, signal_filter: SignalFilter
+    ) -> None:
+        super().__init__(faults, valves, figures, seed, signal_filter)
         self.modules = valves
         self._echo = [0] * valves
 

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.fakes.signals import See, plainly
+from softarm.fakes.signals import SignalFilter, unmodified
 
 MBAR = 100.0
 
@@ -51,11 +51,13 @@ class Pneumatics:
         valves: Number of valves.
         figures: Their figures.
         seed: Seed of the spread between valves and of the noise.
-        see: What is concealed in set-points (``valve``) and readings (``pressure``), in valve order.
+        signal_filter: Hidden effects on set-points (``valve``) and readings (``pressure``), in valve order.
     """
 
-    def __init__(self, valves: int, figures: Regulators, seed: int, see: See = plainly) -> None:
-        self._see = see
+    def __init__(
+        self, valves: int, figures: Regulators, seed: int, signal_filter: SignalFilter = unmodified
+    ) -> None:
+        self._signal_filter = signal_filter
         self._random = np.random.default_rng(seed)
         self._figures = figures
         self._dead_time = self._random.uniform(*figures.dead_time, valves)
@@ -78,7 +80,7 @@ class Pneumatics:
         # Only changes: at 500 steps a second the history of a dead time would grow long.
         if not np.array_equal(setpoints, self._history[-1][1]):
             self._history.append((time, setpoints.copy()))
-        target = self._see("valve", None, time, self._target())
+        target = self._signal_filter("valve", None, time, self._target())
         target = np.clip(target, self._figures.lowest, supply)
         fill = (target - self.pressures) * min(1.0, step / self._figures.fill_time)
         over = self.pressures - target
@@ -95,7 +97,7 @@ class Pneumatics:
         pulses = self._figures.overshoot * jitter * self._missing if phase < 0.5 else 0.0
         settled = np.where(self._missing > 3.0 * self._figures.bias[1], pulses, 0.0)
         noise = self._random.normal(0.0, self._figures.noise, self.pressures.size)
-        return self._see("pressure", None, self._time, self.pressures + settled) + noise
+        return self._signal_filter("pressure", None, self._time, self.pressures + settled) + noise
 
     def _target(self) -> Floats:
         """Return what each regulator works towards: the set-point one dead time ago, less its bias."""

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from softarm.fakes.faults import Fault, FaultBoard
-from softarm.fakes.signals import See
+from softarm.fakes.signals import SignalFilter
 from softarm.fakes.valves.mpa import RegulatedValves, bank_faults, signed
 from softarm.fakes.valves.pneumatics import MBAR, Regulators
 
@@ -78,11 +78,13 @@ class VtemBank(RegulatedValves):
         faults: The board with at least ``vtem_faults``.
         figures: Figures of the valves.
         seed: Seed of spread and noise.
-        see: What is concealed in set-points and readings, in valve order.
+        signal_filter: What is concealed in set-points and readings, in valve order.
     """
 
-    def __init__(self, faults: FaultBoard, figures: Regulators, seed: int, see: See) -> None:
-        super().__init__(faults, 2 * SLOTS, figures, seed, see)
+    def __init__(
+        self, faults: FaultBoard, figures: Regulators, seed: int, signal_filter: SignalFilter
+    ) -> None:
+        super().__init__(faults, 2 * SLOTS, figures, seed, signal_filter)
         self.modules = SLOTS
         self._slots = [_Slot() for _ in range(SLOTS)]
 

@@ -10,7 +10,7 @@ from softarm.estimator.errors import InputError
 from softarm.estimator.fem.elements.hyperelastic_kernel import solid_forces
 from softarm.estimator.fem.elements.material import Material
 from softarm.estimator.fem.linalg.pattern import FIXED, Pattern, Slots
-from softarm.estimator.fem.linalg.simd import LANES, lane_groups, lanes_last
+from softarm.estimator.fem.linalg.simd import SIMD_WIDTH, simd_axis_last, simd_groups
 from softarm.estimator.mesh import ElementBlock
 from softarm.estimator.shape_functions import quadrature, shape_functions
 
@@ -22,7 +22,7 @@ HOURGLASS = {"tet4": 0.0, "tet10": 0.0, "hex8": 0.0, "hex20": 0.05}
 
 @dataclass(frozen=True)
 class Batches:
-    """Elements in groups of ``LANES``, as ``solid_forces`` reads them.
+    """Elements in groups of ``SIMD_WIDTH``, as ``solid_forces`` reads them.
 
     Args:
         element: Element of each lane, shape (batches lanes,).
@@ -83,7 +83,7 @@ class Solids:
         """Find where the blocks go in a pattern."""
         slots = pattern.locate(self.connectivity)
         padded = np.where(self.batches.padding[:, None, None], np.int32(FIXED), slots[self.batches.element])
-        grouped = padded.reshape(-1, LANES, *slots.shape[1:]).transpose(0, 2, 3, 1)
+        grouped = padded.reshape(-1, SIMD_WIDTH, *slots.shape[1:]).transpose(0, 2, 3, 1)
         return replace(self, batches=replace(self.batches, slots=np.ascontiguousarray(grouped)))
 
     def forces(
@@ -229,21 +229,21 @@ def _batches(
     region: Indices,
 ) -> Batches:
     """Group elements by lanes; the last one fills up what is left over, with nodes -1 - n."""
-    element, padding = lane_groups(len(connectivity), LANES)
+    element, padding = simd_groups(len(connectivity), SIMD_WIDTH)
     # -1 - n still encodes the node to read from; its sign marks that nothing is added there.
     nodes = np.where(padding[:, None], -1 - connectivity[element], connectivity[element])
 
     def grouped(values: Floats) -> Floats:
-        return lanes_last(values[element], LANES)
+        return simd_axis_last(values[element], SIMD_WIDTH)
 
     return Batches(
         element=element,
         padding=padding,
-        connectivity=np.ascontiguousarray(nodes.reshape(-1, LANES, connectivity.shape[1])),
+        connectivity=np.ascontiguousarray(nodes.reshape(-1, SIMD_WIDTH, connectivity.shape[1])),
         gradients=grouped(gradients.transpose(0, 1, 3, 2)),
         weights=grouped(weights),
-        coefficients=np.ascontiguousarray(coefficients[element].reshape(-1, LANES, 6)),
+        coefficients=np.ascontiguousarray(coefficients[element].reshape(-1, SIMD_WIDTH, 6)),
         hourglass=grouped(hourglass),
-        region=region[element].reshape(-1, LANES),
-        slots=np.empty((0, connectivity.shape[1], connectivity.shape[1], LANES), dtype=np.int32),
+        region=region[element].reshape(-1, SIMD_WIDTH),
+        slots=np.empty((0, connectivity.shape[1], connectivity.shape[1], SIMD_WIDTH), dtype=np.int32),
     )

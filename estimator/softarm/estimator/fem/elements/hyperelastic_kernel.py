@@ -22,10 +22,10 @@ import numpy as np
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.compiled import compiled
 from softarm.estimator.fem.linalg.pattern import Slots
-from softarm.estimator.fem.linalg.simd import LANES, fma, load, multiply, store, zero
+from softarm.estimator.fem.linalg.simd import SIMD_WIDTH, fma, load, multiply, store, zero
 
 # Bytes from one vector to the next, then the vectors of a record.
-STEP = 8 * LANES
+STEP = 8 * SIMD_WIDTH
 RIGHT, LEFT = 9, 12
 
 
@@ -70,7 +70,7 @@ def fill_gradient(corners: int, gradients: int, nodes: int, points: int, p: int,
 
 
 @compiled
-def invert_lane(F: Floats, inverse: Floats, lane: int) -> tuple[float, float]:
+def invert_simd_element(F: Floats, inverse: Floats, lane: int) -> tuple[float, float]:
     """Fill the transposed inverse of one lane's 3 x 3 matrix, both of shape (9, lanes); return J and F:F."""
     square = 0.0
     for i in range(3):
@@ -158,7 +158,7 @@ def _pair(left: int, right: int, first: int, second: int, hourglass: int, points
 @compiled
 def _scatter(block: Floats, slots: Slots, values: Floats) -> None:
     """Add the blocks of a pair of nodes, shape (10, lanes), of which the last row goes on the diagonal."""
-    for lane in range(LANES):
+    for lane in range(SIMD_WIDTH):
         slot = slots[lane]
         unit = block[9, lane]
         if slot >= 0:
@@ -196,7 +196,7 @@ def evaluate_law(
     Returns:
         Whether the law is defined at every point.
     """
-    for lane in range(LANES):
+    for lane in range(SIMD_WIDTH):
         volume, mean = 0.0, 0.0
         for p in range(weights.shape[0]):
             volume += weights[p, lane]
@@ -236,7 +236,7 @@ def evaluate_law(
 def collect_corners(positions: Floats, connectivity: Indices, corners: Floats) -> None:
     """Fill the positions of the nodes of four elements, shape (nodes, 3, lanes)."""
     for n in range(corners.shape[0]):
-        for lane in range(LANES):
+        for lane in range(SIMD_WIDTH):
             node = max(connectivity[lane, n], -1 - connectivity[lane, n])
             for i in range(3):
                 corners[n, i, lane] = positions[node, i]
@@ -304,7 +304,7 @@ def _fill_mean_slopes(right: Floats, slope: Floats, stiffening: Floats, mean_slo
 def _add_forces(connectivity: Indices, force: Floats, forces: Floats) -> None:
     """Add the forces of four elements, shape (nodes, 3, lanes), to the nodes, padding left out."""
     for n in range(force.shape[0]):
-        for lane in range(LANES):
+        for lane in range(SIMD_WIDTH):
             node = connectivity[lane, n]
             if node >= 0:
                 for i in range(3):
@@ -332,24 +332,28 @@ def solid_forces(
     wanted.
     """
     nodes, points = gradients.shape[1], gradients.shape[2]
-    corners, force = np.empty((nodes, 3, LANES)), np.empty((nodes, 3, LANES))
-    deformation, inverse = np.empty((points, 9, LANES)), np.empty((points, 9, LANES))
-    ratios, squares = np.empty((points, LANES)), np.empty((points, LANES))
-    of_f, of_h, slope = np.empty((points, LANES)), np.empty((points, LANES)), np.empty((points, LANES))
-    terms, stiffening, scale = np.empty((points, 5, LANES)), np.empty(LANES), np.empty(LANES)
-    stress, block = np.empty((9, LANES)), np.empty((10, LANES))
+    corners, force = np.empty((nodes, 3, SIMD_WIDTH)), np.empty((nodes, 3, SIMD_WIDTH))
+    deformation, inverse = np.empty((points, 9, SIMD_WIDTH)), np.empty((points, 9, SIMD_WIDTH))
+    ratios, squares = np.empty((points, SIMD_WIDTH)), np.empty((points, SIMD_WIDTH))
+    of_f, of_h, slope = (
+        np.empty((points, SIMD_WIDTH)),
+        np.empty((points, SIMD_WIDTH)),
+        np.empty((points, SIMD_WIDTH)),
+    )
+    terms, stiffening, scale = np.empty((points, 5, SIMD_WIDTH)), np.empty(SIMD_WIDTH), np.empty(SIMD_WIDTH)
+    stress, block = np.empty((9, SIMD_WIDTH)), np.empty((10, SIMD_WIDTH))
     # The records of the tangent are far larger than all else; they are not allocated for nothing.
     kept = nodes if tangent else 0
-    right, left = np.empty((kept, points, RIGHT, LANES)), np.empty((kept, points, LEFT, LANES))
-    mean_slope, stiffness = np.empty((kept, 3, LANES)), np.empty(LANES)
+    right, left = np.empty((kept, points, RIGHT, SIMD_WIDTH)), np.empty((kept, points, LEFT, SIMD_WIDTH))
+    mean_slope, stiffness = np.empty((kept, 3, SIMD_WIDTH)), np.empty(SIMD_WIDTH)
     for e in range(connectivity.shape[0]):
         collect_corners(positions, connectivity[e], corners)
         x, g, f = corners.ctypes.data, gradients[e].ctypes.data, force.ctypes.data
         positive = True
         for p in range(points):
             fill_gradient(x, g, nodes, points, p, deformation[p].ctypes.data)
-            for lane in range(LANES):
-                ratios[p, lane], squares[p, lane] = invert_lane(deformation[p], inverse[p], lane)
+            for lane in range(SIMD_WIDTH):
+                ratios[p, lane], squares[p, lane] = invert_simd_element(deformation[p], inverse[p], lane)
                 positive &= ratios[p, lane] > 0.0  # neither is what is not a number
         if not positive:
             return False
@@ -361,7 +365,7 @@ def solid_forces(
         _hold_hourglass(hourglass[e].ctypes.data, x, scale.ctypes.data, nodes, f)
         for p in range(points):
             for k in range(9):
-                for lane in range(LANES):
+                for lane in range(SIMD_WIDTH):
                     straight = of_f[p, lane] * deformation[p, k, lane]
                     stress[k, lane] = straight + of_h[p, lane] * inverse[p, k, lane]
             _add_stress(stress.ctypes.data, g + 3 * p * STEP, nodes, points, f)

@@ -7,7 +7,11 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.fem.linalg.blas import Blas, load_blas
-from softarm.estimator.fem.linalg.cholesky_kernel import factor_fronts, multiply_blocks, solve_fronts
+from softarm.estimator.fem.linalg.cholesky_kernel import (
+    factorise_multifrontal,
+    multiply_blocks,
+    solve_multifrontal,
+)
 from softarm.estimator.fem.linalg.pardiso import PardisoPlan
 from softarm.estimator.fem.linalg.pattern import Pattern, Tangent
 from softarm.estimator.fem.linalg.symbolic import SymbolicFactorisation
@@ -39,7 +43,7 @@ class CholeskyPlan:
     def factorise(self, values: Floats) -> "CholeskyFactor | None":
         """Factor a matrix of blocks, shape (slots, size, size); None where it is not positive definite."""
         s, panels = self.symbolic, np.empty(self.symbolic.panel[-1])
-        definite = factor_fronts(
+        definite = factorise_multifrontal(
             self.blas.addresses, self.blas.letters, values, s.pivots, s.borders, s.children, s.child_start,
             s.relative, s.relative_start, s.slot, s.slot_start, s.slot_row, s.slot_column, s.panel,
             s.update, panels, np.empty(s.work),
@@ -58,7 +62,7 @@ class CholeskyFactor:
         """Solve for right-hand sides in elimination order, shapes (size,) or (right-hand sides, size)."""
         s = self.plan.symbolic
         solution = np.array(np.atleast_2d(right), dtype=float, order="C")
-        solve_fronts(
+        solve_multifrontal(
             self.plan.blas.addresses, self.plan.blas.letters, s.size, s.pivots, s.borders, s.rows,
             s.row_start, s.panel, self.panels, solution, np.empty(s.widest * len(solution)),
         )  # fmt: skip

@@ -58,7 +58,7 @@ def _extend(
 
 
 @compiled
-def factor_fronts(
+def factorise_multifrontal(
     blas: Addresses,
     letters: Letters,
     values: Floats,
@@ -109,7 +109,7 @@ def factor_fronts(
 
 
 @compiled
-def solve_fronts(  # noqa: C901 (one loop nest, compiled)
+def solve_multifrontal(  # noqa: C901 (one loop nest, compiled)
     blas: Addresses,
     letters: Letters,
     size: int,
@@ -130,11 +130,11 @@ def solve_fronts(  # noqa: C901 (one loop nest, compiled)
     ints = np.empty(8, dtype=np.int32)
     reals = np.empty(2)
     count = right.shape[0]
-    fronts = pivots.shape[0]
+    front_count = pivots.shape[0]
     for sweep in range(2):
-        for visit in range(fronts):
+        for visit in range(front_count):
             # Forwards children come before their parent, backwards after it.
-            s = visit if sweep == 0 else fronts - 1 - visit
+            s = visit if sweep == 0 else front_count - 1 - visit
             width, border = size * pivots[s], size * borders[s]
             height = width + border
             nodes = rows[row_start[s] : row_start[s + 1]]

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats, Indices
 
-LANES = 4
+SIMD_WIDTH = 4
 """Doubles in a vector."""
 BYTES = 8
 """Alignment that NumPy guarantees."""
@@ -47,17 +47,17 @@ class _SimdModel(models.PrimitiveModel):
         super().__init__(manager, kind, kind.vector)  # type: ignore[no-untyped-call,unused-ignore]
 
 
-doubles = SimdType("SimdDoubles", ir.DoubleType(), LANES)
+doubles = SimdType("SimdDoubles", ir.DoubleType(), SIMD_WIDTH)
 
 
-def lane_groups(count: int, lanes: int) -> tuple[Indices, NDArray[np.bool_]]:
+def simd_groups(count: int, lanes: int) -> tuple[Indices, NDArray[np.bool_]]:
     """Deal elements out to groups of lanes; return the element of each lane, and which lanes are padding."""
     # The last group is filled up with copies of the last element, which compute and add nothing.
     lane = np.arange(-(-count // lanes) * lanes)
     return np.minimum(lane, count - 1), lane >= count
 
 
-def lanes_last(values: Floats, lanes: int) -> Floats:
+def simd_axis_last(values: Floats, lanes: int) -> Floats:
     """Move the lanes last, shape (groups lanes, ...) to (groups, ..., lanes)."""
     lanes_second = values.reshape(-1, lanes, *values.shape[1:])
     return np.ascontiguousarray(np.moveaxis(lanes_second, 1, -1))

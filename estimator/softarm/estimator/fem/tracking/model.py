@@ -44,7 +44,7 @@ CORRECTING_RAD = 1e-3
 """Rotation of a section through changed inputs up to which a step counts as a correction."""
 
 
-class Carrier(Protocol):
+class RotationStrainUpdate(Protocol):
     """Carries steps between configurations, as ``SingleRotationStrain`` and ``RotationStrain`` do."""
 
     def deformation(self, displacement: Floats) -> Any:
@@ -56,7 +56,7 @@ class Carrier(Protocol):
     def solve_poisson(self, nodal: Floats) -> Floats:
         """Solve the Poisson problem for nodal values, shape (nodes, columns)."""
 
-    def carried_divergence(self, rotations: Any, nodal: Floats) -> Floats:
+    def corotated_divergence(self, rotations: Any, nodal: Floats) -> Floats:
         """Compute the divergence of the gradient of a displacement carried along, shape (nodes, 3)."""
 
     def pulled_back(self, rotations: Any, forces: Floats) -> Floats:
@@ -124,15 +124,15 @@ class TrackingStep:
 
     @cached_property
     def deformation(self) -> Any:
-        """Deformation gradients, a field of the carrier."""
+        """Deformation gradients, a field of the rotation-strain update."""
         return self.tracking.rotation_strain.deformation(self.state.displacement)
 
     @cached_property
     def rotations(self) -> Any:
-        """Rotations since the tangent was frozen, a field of the carrier."""
+        """Rotations since the tangent was frozen, a field of the rotation-strain update."""
         assert self.tangent is not None
-        carrier = self.tracking.rotation_strain
-        return carrier.rotations(carrier.deformation(self.tangent.displacement), self.deformation)
+        strain_update = self.tracking.rotation_strain
+        return strain_update.rotations(strain_update.deformation(self.tangent.displacement), self.deformation)
 
     @cached_property
     def correction(self) -> Floats:
@@ -155,8 +155,8 @@ class TrackingStep:
             return np.full(6 * sections, np.nan), np.full((6 * sections, inputs), np.nan)
         drift = np.zeros(6 * sections)
         if self.correction.any():
-            carrier = self.tracking.rotation_strain
-            divergence = carrier.carried_divergence(self.rotations, self.correction)
+            strain_update = self.tracking.rotation_strain
+            divergence = strain_update.corotated_divergence(self.rotations, self.correction)
             # The sections need a few moments of the carried step, which are linear in its divergence: no
             # Poisson problem is solved for them.
             moments = self.tracking.moments_of_divergence @ divergence
@@ -206,7 +206,7 @@ class TrackingModel(ModelWrapper):
             renewed.
         slowing: Likewise, from which on a fresh factor is requested in the background. A body whose residual
             over the applied forces is more is out of balance.
-        carrier: Carries steps along with the material; built in single precision when left out.
+        strain_update: Carries steps along with the material; built in single precision when left out.
         single: Whether factors taken on the spot are kept in single precision.
     """
 
@@ -214,13 +214,13 @@ class TrackingModel(ModelWrapper):
     background: BackgroundFactorisation | None = None
     contraction: float = 0.5
     slowing: float = 0.05
-    carrier: Carrier | None = None
+    strain_update: RotationStrainUpdate | None = None
     single: bool = True
 
     @cached_property
-    def rotation_strain(self) -> Carrier:
+    def rotation_strain(self) -> RotationStrainUpdate:
         """What carries steps along with the material."""
-        return self.carrier or SingleRotationStrain.of(self.model.body)
+        return self.strain_update or SingleRotationStrain.of(self.model.body)
 
     @cached_property
     def moments_of_divergence(self) -> Floats:

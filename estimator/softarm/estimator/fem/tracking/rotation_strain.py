@@ -12,12 +12,12 @@ from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.fem.assembly import Body
 from softarm.estimator.fem.linalg.cholesky import CholeskyPlan
 from softarm.estimator.fem.linalg.pattern import Pattern
-from softarm.estimator.fem.linalg.simd import lane_groups, lanes_last
+from softarm.estimator.fem.linalg.simd import simd_axis_last, simd_groups
 from softarm.estimator.fem.linalg.symbolic import analyse
 from softarm.estimator.fem.rotation_strain import REGULARISATION, QuadraturePoints
 from softarm.estimator.fem.tracking.rotation_strain_kernel import (
-    SINGLE_LANES,
-    carried_divergence,
+    SINGLE_SIMD_WIDTH,
+    corotated_divergence,
     finite_rotation_divergence,
     point_gradients,
     rotations_between,
@@ -28,7 +28,7 @@ from softarm.estimator.mesh import Singles
 
 @dataclass(frozen=True)
 class PointGroups:
-    """The quadrature points of one block of elements, in groups of ``SINGLE_LANES`` elements.
+    """The quadrature points of one block of elements, in groups of ``SINGLE_SIMD_WIDTH`` elements.
 
     Args:
         connectivity: Nodes, -1 - n where an element only fills up the last group, shape (batches, lanes,
@@ -80,7 +80,7 @@ class SingleRotationStrain:
         return cls(tuple(blocks), start, pattern, SingleFactor.of(factor))
 
     def _field(self) -> Singles:
-        return np.empty((self.groups, 9, SINGLE_LANES), dtype=np.float32)
+        return np.empty((self.groups, 9, SINGLE_SIMD_WIDTH), dtype=np.float32)
 
     def deformation(self, displacement: Floats) -> Singles:
         """Compute the deformation gradients of a displacement, shape (nodes, 3)."""
@@ -102,18 +102,18 @@ class SingleRotationStrain:
         solution[free] = self.factor.solve(nodal[free].T).T
         return solution
 
-    def carried_divergence(self, rotations: Singles, nodal: Floats) -> Floats:
+    def corotated_divergence(self, rotations: Singles, nodal: Floats) -> Floats:
         """Compute the divergence of the gradient of a displacement carried along, shape (nodes, 3)."""
-        return self._carry(rotations, nodal, back=False)
+        return self._corotate(rotations, nodal, back=False)
 
     def pulled_back(self, rotations: Singles, forces: Floats) -> Floats:
         """Carry nodal forces back, the adjoint of carrying a displacement, shape (nodes, 3)."""
-        return self._carry(rotations, self.solve_poisson(forces), back=True)
+        return self._corotate(rotations, self.solve_poisson(forces), back=True)
 
-    def _carry(self, rotations: Singles, nodal: Floats, *, back: bool) -> Floats:
+    def _corotate(self, rotations: Singles, nodal: Floats, *, back: bool) -> Floats:
         carried = np.zeros_like(nodal)
         for block in self.blocks:
-            carried_divergence(
+            corotated_divergence(
                 nodal, block.connectivity, block.gradients, block.weights, rotations[block.span], back,
                 carried,
             )  # fmt: skip
@@ -132,17 +132,17 @@ class SingleRotationStrain:
 
 def _group(points: QuadraturePoints, start: int) -> PointGroups:
     """Group elements by lanes, the groups of their points standing from ``start`` on."""
-    element, padding = lane_groups(len(points.connectivity), SINGLE_LANES)
+    element, padding = simd_groups(len(points.connectivity), SINGLE_SIMD_WIDTH)
     # Padding as in `elements.hyperelastic`: copies that compute and add nothing.
     connectivity = points.connectivity[element]
     nodes = np.where(padding[:, None], -1 - connectivity, connectivity).astype(np.int64)
 
     def grouped(values: Floats) -> Singles:
-        return lanes_last(values[element], SINGLE_LANES).astype(np.float32)
+        return simd_axis_last(values[element], SINGLE_SIMD_WIDTH).astype(np.float32)
 
-    batches = len(element) // SINGLE_LANES
+    batches = len(element) // SINGLE_SIMD_WIDTH
     return PointGroups(
-        connectivity=np.ascontiguousarray(nodes.reshape(batches, SINGLE_LANES, -1)),
+        connectivity=np.ascontiguousarray(nodes.reshape(batches, SINGLE_SIMD_WIDTH, -1)),
         gradients=grouped(points.gradients),
         weights=grouped(points.weights),
         span=slice(start, start + batches * points.weights.shape[1]),

@@ -26,10 +26,10 @@ from softarm.estimator.fem.linalg.simd import (
 )
 from softarm.estimator.mesh import Singles
 
-SINGLE_LANES = 8
+SINGLE_SIMD_WIDTH = 8
 """Numbers in a vector."""
 
-singles = SimdType("SimdSingles", ir.FloatType(), SINGLE_LANES)
+singles = SimdType("SimdSingles", ir.FloatType(), SINGLE_SIMD_WIDTH)
 
 load_singles = cast("Callable[[int], Any]", load_of(singles))
 """Read eight numbers at an address."""
@@ -52,7 +52,7 @@ broadcast_single = cast("Callable[[Any], Any]", broadcast_of(singles))
 
 
 # Bytes from one vector to the next, and of a matrix.
-STEP = 4 * SINGLE_LANES
+STEP = 4 * SINGLE_SIMD_WIDTH
 MATRIX = 9 * STEP
 SWEEPS = 4
 """Sweeps of Newton's iteration: enough for single precision where strains are below a half."""
@@ -116,7 +116,7 @@ def _cofactors(m: int, out: int, reciprocal: int) -> None:
 @compiled
 def _collect_corners(nodal: Floats, nodes: Indices, corners: Singles) -> None:
     """Fill the nodal values of eight elements less those of their first nodes, shape (nodes, 3, lanes)."""
-    for lane in range(SINGLE_LANES):
+    for lane in range(SINGLE_SIMD_WIDTH):
         first = nodes[lane, 0] if nodes[lane, 0] >= 0 else -1 - nodes[lane, 0]
         for n in range(nodes.shape[1]):
             node = nodes[lane, n] if nodes[lane, n] >= 0 else -1 - nodes[lane, n]
@@ -127,7 +127,7 @@ def _collect_corners(nodal: Floats, nodes: Indices, corners: Singles) -> None:
 @compiled
 def _add_to_nodes(forces: Singles, nodes: Indices, nodal: Floats) -> None:
     """Add the values of eight elements to the nodes, padding left out."""
-    for lane in range(SINGLE_LANES):
+    for lane in range(SINGLE_SIMD_WIDTH):
         for n in range(nodes.shape[1]):
             if nodes[lane, n] >= 0:
                 for i in range(3):
@@ -240,7 +240,7 @@ def point_gradients(
 ) -> None:
     """Fill d v_i / d X_j plus a multiple of the identity, shape (groups, 9, lanes)."""
     points, nodes = gradients.shape[1], gradients.shape[2]
-    corners = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
+    corners = np.empty((nodes, 3, SINGLE_SIMD_WIDTH), dtype=np.float32)
     for e in range(connectivity.shape[0]):
         _collect_corners(nodal, connectivity[e], corners)
         for p in range(points):
@@ -252,7 +252,7 @@ def point_gradients(
 
 
 @compiled
-def carried_divergence(
+def corotated_divergence(
     source: Floats,
     connectivity: Indices,
     gradients: Singles,
@@ -263,9 +263,9 @@ def carried_divergence(
 ) -> None:
     """Add the divergence of T A, or of T^T A when ``back``, with A the gradient of ``source``."""
     points, nodes = gradients.shape[1], gradients.shape[2]
-    corners = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
-    forces = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
-    work = np.empty((2, 9, SINGLE_LANES), dtype=np.float32)
+    corners = np.empty((nodes, 3, SINGLE_SIMD_WIDTH), dtype=np.float32)
+    forces = np.empty((nodes, 3, SINGLE_SIMD_WIDTH), dtype=np.float32)
+    work = np.empty((2, 9, SINGLE_SIMD_WIDTH), dtype=np.float32)
     for e in range(connectivity.shape[0]):
         _collect_corners(source, connectivity[e], corners)
         forces[:] = 0.0
@@ -293,9 +293,9 @@ def finite_rotation_divergence(
 ) -> None:
     """Add the divergence of ``_rotate_finitely``'s change for H = T A, with A the gradient of ``source``."""
     points, nodes = gradients.shape[1], gradients.shape[2]
-    corners = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
-    forces = np.empty((nodes, 3, SINGLE_LANES), dtype=np.float32)
-    work = np.empty((7, 9, SINGLE_LANES), dtype=np.float32)
+    corners = np.empty((nodes, 3, SINGLE_SIMD_WIDTH), dtype=np.float32)
+    forces = np.empty((nodes, 3, SINGLE_SIMD_WIDTH), dtype=np.float32)
+    work = np.empty((7, 9, SINGLE_SIMD_WIDTH), dtype=np.float32)
     for e in range(connectivity.shape[0]):
         _collect_corners(source, connectivity[e], corners)
         forces[:] = 0.0
@@ -312,7 +312,7 @@ def finite_rotation_divergence(
 @compiled
 def rotations_between(before: Singles, after: Singles, rotations: Singles) -> None:
     """Fill the rotation of F_after F_before^-1 at every point, by Newton's iteration (Higham 1986)."""
-    work = np.empty((2, 9, SINGLE_LANES), dtype=np.float32)
+    work = np.empty((2, 9, SINGLE_SIMD_WIDTH), dtype=np.float32)
     for p in range(after.shape[0]):
         cofactors, reciprocal = work[0].ctypes.data, work[1].ctypes.data
         matrix = rotations[p].ctypes.data

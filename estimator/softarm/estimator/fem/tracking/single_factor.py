@@ -30,7 +30,7 @@ class SingleFactor:
         """Solve with the symmetric part, shapes (size free,) or (right-hand sides, size free)."""
         s = self.symbolic
         solution = np.array(np.atleast_2d(right), dtype=float, order="C")
-        substitute_fronts(
+        solve_multifrontal_single(
             s.size, s.pivots, s.borders, s.rows, s.row_start, s.panel, self.panels, solution,
             np.empty((len(solution), s.widest)),
         )  # fmt: skip
@@ -106,7 +106,7 @@ def _backward(panel: Singles, height: int, width: int, x: Floats) -> None:
 
 
 @compiled
-def substitute_fronts(
+def solve_multifrontal_single(
     size: int,
     pivots: Indices,
     borders: Indices,
@@ -122,10 +122,10 @@ def substitute_fronts(
     ``local`` is work space, shape (right-hand sides, widest front in dofs); the index arguments are those of
     ``SymbolicFactorisation``.
     """
-    fronts = pivots.shape[0]
-    for visit in range(2 * fronts):
-        ahead = visit < fronts
-        s = visit if ahead else 2 * fronts - 1 - visit
+    front_count = pivots.shape[0]
+    for visit in range(2 * front_count):
+        ahead = visit < front_count
+        s = visit if ahead else 2 * front_count - 1 - visit
         width, height = size * pivots[s], size * (pivots[s] + borders[s])
         nodes = rows[row_start[s] : row_start[s + 1]]
         panel = factor[panel_start[s] : panel_start[s + 1]]

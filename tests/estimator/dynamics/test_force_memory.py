@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.dynamics.remembered_forces import RememberedForces
+from softarm.estimator.dynamics.force_memory import ForceMemory
 from softarm.estimator.model import Load
 from softarm.estimator.specimen import Value
 
@@ -20,8 +20,8 @@ SIZE, ALONG = 0.5, np.array([0.6, 0.8])
 
 
 @pytest.fixture
-def remembered() -> RememberedForces:
-    return RememberedForces(LOADS, {"tip": SHARE})
+def remembered() -> ForceMemory:
+    return ForceMemory(LOADS, {"tip": SHARE})
 
 
 def taken_for(force: Floats) -> Floats:
@@ -30,7 +30,7 @@ def taken_for(force: Floats) -> Floats:
     return np.array([force[0], *tip, force[3]])
 
 
-def test_a_force_that_rises_stays_as_it_is(remembered: RememberedForces) -> None:
+def test_a_force_that_rises_stays_as_it_is(remembered: ForceMemory) -> None:
     for size in np.linspace(0.0, 1.0, 5):
         forces, covariance = remembered.update(size * LARGEST)
         np.testing.assert_array_equal(forces, size * LARGEST)
@@ -38,7 +38,7 @@ def test_a_force_that_rises_stays_as_it_is(remembered: RememberedForces) -> None
 
 
 @pytest.mark.parametrize("share", [0.7, 0.2, 0.0])
-def test_a_force_that_falls_is_found_again(remembered: RememberedForces, share: float) -> None:
+def test_a_force_that_falls_is_found_again(remembered: ForceMemory, share: float) -> None:
     remembered.update(LARGEST)
     forces, covariance = remembered.update(taken_for(share * LARGEST))
     np.testing.assert_allclose(forces, share * LARGEST, atol=1e-12)
@@ -48,14 +48,14 @@ def test_a_force_that_falls_is_found_again(remembered: RememberedForces, share: 
     assert not covariance.any()  # nothing is known of other sections, nor of moments
 
 
-def test_a_force_across_the_largest_one_stays_as_it_is(remembered: RememberedForces) -> None:
+def test_a_force_across_the_largest_one_stays_as_it_is(remembered: ForceMemory) -> None:
     remembered.update(LARGEST)
     across = np.array([0.0, -0.8, 0.6, 0.0])
     left = remembered.update(np.zeros(4))[0]
     np.testing.assert_allclose(remembered.update(0.2 * across)[0] - left, 0.2 * across, atol=1e-12)
 
 
-def test_a_tare_keeps_out_what_was_remembered_and_begins_anew(remembered: RememberedForces) -> None:
+def test_a_tare_keeps_out_what_was_remembered_and_begins_anew(remembered: ForceMemory) -> None:
     """Who tares at a force finds the same force afterwards, and as certain as at first."""
     remembered.update(LARGEST)
     readings = taken_for(0.2 * LARGEST)
@@ -67,7 +67,7 @@ def test_a_tare_keeps_out_what_was_remembered_and_begins_anew(remembered: Rememb
 
 
 def test_a_reset_leaves_nothing_of_the_past_and_a_lost_estimate_all(
-    remembered: RememberedForces,
+    remembered: ForceMemory,
 ) -> None:
     remembered.update(LARGEST)
     remembered.update(np.full(4, np.nan))
@@ -77,7 +77,7 @@ def test_a_reset_leaves_nothing_of_the_past_and_a_lost_estimate_all(
     assert not remembered.update(np.zeros(4))[0].any()
 
 
-def test_under_pressure_the_history_of_the_forces_says_nothing(remembered: RememberedForces) -> None:
+def test_under_pressure_the_history_of_the_forces_says_nothing(remembered: ForceMemory) -> None:
     remembered.update(LARGEST)
     falling = 0.2 * LARGEST
     for pressurised in (True, False):

@@ -8,8 +8,8 @@ from toy import toy, twists
 from softarm.estimator.arm import build_arm
 from softarm.estimator.fem import FiniteElementModel
 from softarm.estimator.model import Frames, Inputs
-from softarm.estimator.node_by_node import NodeByNode, SolvedSample
 from softarm.estimator.response import ArmResponse, BatchInputs
+from softarm.estimator.sequential_batch import SequentialBatchModel, SolvedSample
 from softarm.estimator.specimen import load_specimen
 
 GRAVITY = np.array([0.0, 0.0, 9.81])
@@ -17,7 +17,7 @@ GRAVITY = np.array([0.0, 0.0, 9.81])
 
 def solved(pressures: np.ndarray, **scales: float) -> ArmResponse:
     inputs = BatchInputs(pressures, np.zeros((len(pressures), 0)), GRAVITY)
-    return NodeByNode(toy()).with_scales(scales).evaluate(inputs)
+    return SequentialBatchModel(toy()).with_scales(scales).evaluate(inputs)
 
 
 def test_a_response_keeps_chosen_samples() -> None:
@@ -40,14 +40,14 @@ def test_pressures_and_stiffness_factors_move_the_sections_as_differences_say() 
 
 
 def test_a_region_of_another_model_is_left_out() -> None:
-    model = NodeByNode(toy())
+    model = SequentialBatchModel(toy())
     assert model.with_scales({"foreign": 2.0}) is model
 
 
 def test_parts_solved_side_by_side_answer_as_one_after_another(monkeypatch) -> None:
     pressures = np.random.default_rng(3).uniform(0.0, 3e4, (7, 6))
     together = solved(pressures)
-    monkeypatch.setattr("softarm.estimator.node_by_node.PARTS", 1)
+    monkeypatch.setattr("softarm.estimator.sequential_batch.PARTS", 1)
     alone = solved(pressures)
     np.testing.assert_array_equal(together.frames.rotations, alone.frames.rotations)
     np.testing.assert_array_equal(together.pressure_jacobian, alone.pressure_jacobian)
@@ -59,9 +59,9 @@ def test_a_sample_of_finite_elements_begins_where_its_motions_lead(monkeypatch) 
     model = build_arm(beam)
     loads = np.full((2, len(model.loads)), 0.05)
     inputs = BatchInputs(np.zeros((2, 0)), loads, GRAVITY)
-    first = NodeByNode(model).evaluate(inputs)
+    first = SequentialBatchModel(model).evaluate(inputs)
     (region, *_) = model.parameters
-    softer = NodeByNode(model.with_scales({region: 0.98}))
+    softer = SequentialBatchModel(model.with_scales({region: 0.98}))
     counted: list[object] = []
     linearise = FiniteElementModel.linearise
     monkeypatch.setattr(
@@ -75,7 +75,7 @@ def test_a_sample_of_finite_elements_begins_where_its_motions_lead(monkeypatch) 
 
 
 def test_a_sample_without_a_state_begins_at_the_solved_one_of_most_similar_inputs(monkeypatch) -> None:
-    monkeypatch.setattr("softarm.estimator.node_by_node.PARTS", 1)
+    monkeypatch.setattr("softarm.estimator.sequential_batch.PARTS", 1)
     begun: list[tuple[float, float]] = []
     under = SolvedSample.under
 

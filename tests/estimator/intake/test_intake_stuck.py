@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.intake import mismatch_finding
-from softarm.estimator.intake import take_in
-from softarm.estimator.intake.still import mend_still
+from softarm.estimator.intake import check_recording
+from softarm.estimator.intake.stuck import correct_stuck
 from softarm.estimator.recording import Recording
 from tests.estimator.intake import small_arm as arm
 
@@ -54,11 +54,11 @@ CASES = {
 @pytest.mark.parametrize("case", CASES)
 def test_what_stands_still_is_named_and_lost(bends: Recording, case: str, since: float, noise: float) -> None:
     held, words = CASES[case]
-    mended, (fault,) = mend_still(_held(bends, held, since, noise), SPECIMEN)
+    corrected, (fault,) = correct_stuck(_held(bends, held, since, noise), SPECIMEN)
     assert words in fault.statement.replace("-0.0", "0.0")
     assert fault.interval == pytest.approx((since, bends.time[-1]), abs=1.0)
     late = bends.time >= since
-    for name, values in mended.columns.items():
+    for name, values in corrected.columns.items():
         if name in held:
             assert np.isnan(values[late]).all()
             np.testing.assert_array_equal(
@@ -69,7 +69,7 @@ def test_what_stands_still_is_named_and_lost(bends: Recording, case: str, since:
 
 
 def test_an_axis_that_stands_still_is_a_finding_and_nothing_else_is_found(bends: Recording) -> None:
-    intake = take_in(_held(bends, {"bend_tip_x_rad": 0.1}, 0.0), SPECIMEN)
+    intake = check_recording(_held(bends, {"bend_tip_x_rad": 0.1}, 0.0), SPECIMEN)
     assert (intake.events, len(intake.mismatches)) == ((), 1)
     finding = mismatch_finding(intake.mismatches[0])
     assert (finding.effect, finding.where.sensor, finding.where.axis) == ("sensor_stuck", "bend_tip", "x")
@@ -80,16 +80,16 @@ def test_an_axis_that_stands_still_is_a_finding_and_nothing_else_is_found(bends:
 def test_a_body_stands_still_that_hangs_below_one_that_moves(noise: float) -> None:
     recording = arm.small_arm(parts=("frame",))
     held = {n: float(v[recording.time >= FROM][0]) for n, v in recording.columns.items() if "frame_tip" in n}
-    mended, (fault,) = mend_still(_held(recording, held, FROM, noise), SPECIMEN)
+    corrected, (fault,) = correct_stuck(_held(recording, held, FROM, noise), SPECIMEN)
     assert fault.columns == ("frame_tip",)
     assert fault.interval == pytest.approx((FROM, recording.time[-1]), abs=1.0)
-    assert np.isnan(mended.columns["frame_tip_x_m"][recording.time >= FROM + 1.0]).all()
+    assert np.isnan(corrected.columns["frame_tip_x_m"][recording.time >= FROM + 1.0]).all()
 
 
 @pytest.mark.parametrize("seed", range(6))
 def test_sensors_that_live_are_left_alone(seed: int) -> None:
     recording = arm.small_arm(seed)
-    assert mend_still(recording, SPECIMEN) == (recording, ())
+    assert correct_stuck(recording, SPECIMEN) == (recording, ())
 
 
 def test_an_axis_that_no_chamber_moves_is_left_alone() -> None:
@@ -99,13 +99,13 @@ def test_an_axis_that_no_chamber_moves_is_left_alone() -> None:
     noise = rng.normal(0.0, 1e-3, (2, len(recording.time)))
     vented = {f"pressure_{cmd}{k}_pa": 0.0 for cmd in ("", "cmd_") for k in (3, 4, 5)}
     lower = _held(recording, {**vented, "bend_tip_x_rad": 0.0, "bend_tip_y_rad": 0.0}, 0.0, 1e-3)
-    assert mend_still(lower, SPECIMEN)[1] == ()
+    assert correct_stuck(lower, SPECIMEN)[1] == ()
     pressure = recording.columns["pressure_0_pa"]
     plane = {"bend_intermediate_x_rad": -1e-5 * pressure + noise[0], "bend_intermediate_y_rad": noise[1]}
     vented = {f"pressure_{cmd}{k}_pa": 0.0 for cmd in ("", "cmd_") for k in range(1, 6)}
     planar = _held(recording, vented, 0.0)
     planar = replace(planar, columns={**planar.columns, **plane})
-    assert mend_still(planar, SPECIMEN)[1] == ()
+    assert correct_stuck(planar, SPECIMEN)[1] == ()
 
 
 def test_a_recording_without_noise_is_left_alone(bends: Recording) -> None:
@@ -121,7 +121,7 @@ def test_a_recording_without_noise_is_left_alone(bends: Recording) -> None:
         columns[f"bend_{section}_y_rad"] = np.zeros(len(bends.time))
     columns |= {f"pressure_{k}_pa": np.zeros(len(bends.time)) for k in (1, 2, 4, 5)}
     still = replace(bends, columns=columns)
-    assert mend_still(still, SPECIMEN)[1] == ()
+    assert correct_stuck(still, SPECIMEN)[1] == ()
 
 
 @pytest.mark.parametrize("seconds", [0.5, 3.0])
@@ -129,9 +129,9 @@ def test_a_recording_without_noise_is_left_alone(bends: Recording) -> None:
 def test_missing_rows_hide_no_axis_that_stands_still(bends: Recording, since: float, seconds: float) -> None:
     """An axis that rests because nothing drives it is left alone on either side of them."""
     kept = np.asarray((bends.time < since) | (bends.time >= since + seconds))
-    assert mend_still(bends.window(kept), SPECIMEN)[1] == ()
+    assert correct_stuck(bends.window(kept), SPECIMEN)[1] == ()
     held = {"bend_tip_x_rad": 0.1, "bend_tip_y_rad": -0.2}
-    _, (fault,) = mend_still(_held(bends, held, 0.0, noise=2e-3).window(kept), SPECIMEN)
+    _, (fault,) = correct_stuck(_held(bends, held, 0.0, noise=2e-3).window(kept), SPECIMEN)
     assert "bend_tip stands still at 5.7 and -11.5 degrees" in fault.statement
     assert fault.interval == pytest.approx((0.0, bends.time[-1]), abs=1.0)
 
@@ -153,14 +153,14 @@ def _held_poses(lags: Mapping[str, float]) -> Recording:
 @pytest.mark.parametrize("lag", [0.9, -0.9])
 def test_a_bend_that_lags_behind_its_pressures_does_not_stand_still(lag: float) -> None:
     for other in (0.0, lag):
-        _, faults = mend_still(_held_poses({"intermediate": other, "tip": lag}), SPECIMEN)
+        _, faults = correct_stuck(_held_poses({"intermediate": other, "tip": lag}), SPECIMEN)
         assert not faults
 
 
 def test_a_bend_that_lags_and_stops_stands_still() -> None:
     late = _held_poses({"intermediate": 0.9, "tip": 0.9})
     held = {f"bend_tip_{axis}_rad": 0.6 for axis in "xy"}
-    _, (fault,) = mend_still(_held(late, held, since=FROM, noise=5e-4), SPECIMEN)
+    _, (fault,) = correct_stuck(_held(late, held, since=FROM, noise=5e-4), SPECIMEN)
     assert fault.columns == ("bend_tip",)
     assert fault.interval is not None
     assert fault.interval[0] == pytest.approx(FROM, abs=0.5)
@@ -176,9 +176,9 @@ def test_a_body_that_stood_still_is_lost_to_the_sample() -> None:
     columns = {
         name: np.where(good.time < end, values, good.columns[name]) for name, values in held.columns.items()
     }
-    mended, (fault,) = mend_still(replace(held, columns=columns), SPECIMEN)
+    corrected, (fault,) = correct_stuck(replace(held, columns=columns), SPECIMEN)
     assert fault.columns == ("frame_tip",)
-    lost = good.time[np.isnan(mended.columns["frame_tip_x_m"])]
+    lost = good.time[np.isnan(corrected.columns["frame_tip_x_m"])]
     assert lost[0] == pytest.approx(begin, abs=0.06)
     assert lost[-1] == pytest.approx(end, abs=0.06)
 
@@ -200,5 +200,5 @@ def test_a_body_that_rests_is_not_stuck_though_one_above_was(
             for axis, value in moved.items()
         }
         columns |= {f"frame_{section}_{part}": np.full(len(time), value) for part, value in rotation.items()}
-    _, faults = mend_still(Recording("run", time, columns), SPECIMEN)
+    _, faults = correct_stuck(Recording("run", time, columns), SPECIMEN)
     assert tuple(fault.columns for fault in faults) == found

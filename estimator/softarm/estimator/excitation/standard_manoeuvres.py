@@ -1,4 +1,4 @@
-"""The menu of manoeuvres that separate the physical effects, for any lay-out of chambers."""
+"""Manoeuvres that separate the physical effects, for any lay-out of chambers."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ POSES = 10
 GOLDEN = 0.6180339887
 
 
-def menu(segments: Segments, limits: ManoeuvreLimits) -> tuple[Manoeuvre, ...]:
+def standard_manoeuvres(segments: Segments, limits: ManoeuvreLimits) -> tuple[Manoeuvre, ...]:
     """List every manoeuvre in the order in which a whole run does them; the rested arm comes first."""
     makers = _MAKERS if segments else _WITHOUT_CHAMBERS
     return tuple(make(segments, limits) for make in makers)
@@ -42,7 +42,7 @@ def each_alone(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:  # noq
     for ramp, hold in ((4.0, 2.0), (0.4, 2.0)):
         for level in np.diag(limits.top):
             path.go(level, ramp).hold(hold).vent(ramp).hold(1.0)
-    shows = "each chamber's gain, bias, line and cross-talk"
+    shows = "gain, bias, line and cross-talk of each chamber"
     return path.manoeuvre("each_alone", shows)
 
 
@@ -51,7 +51,7 @@ def ramps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     path, full = ManoeuvrePath(limits), _one_of_each(segments, limits, 1)
     for seconds in (3.0, 10.0, 30.0):
         path.go(full, seconds).hold(2.0).vent(seconds).hold(2.0)
-    return path.manoeuvre("ramps", "what depends on the rate")
+    return path.manoeuvre("ramps", "dependence on the rate")
 
 
 def triangles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -60,14 +60,14 @@ def triangles(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     for speed in (8e3, 40e3):
         for level, before in ((1.0, 0.0), (0.3, 1.0), (0.8, 0.3), (0.0, 0.8), (0.5, 0.0), (0.0, 0.5)):
             path.go(level * full, float(abs(level - before) * full.max()) / speed)
-    return path.manoeuvre("triangles", "loops that no rate changes")
+    return path.manoeuvre("triangles", "rate-independent hysteresis")
 
 
 def holds(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
     """Step to a pose and hold it long, then vent and wait as long."""
     path = ManoeuvrePath(limits)
     path.go(_one_of_each(segments, limits, 2)).hold(40.0).vent().hold(40.0)
-    return path.manoeuvre("holds", "what creeps and recovers")
+    return path.manoeuvre("holds", "creep and recovery")
 
 
 def steps(segments: Segments, limits: ManoeuvreLimits) -> Manoeuvre:
@@ -121,7 +121,7 @@ def mount_turned(axis: str) -> Callable[[Segments, ManoeuvreLimits], Manoeuvre]:
             path.go(level, 1.5).hold(2.0).vent(1.5).hold(1.0)
         return path.manoeuvre(
             f"mount_turned_{axis}",
-            "weight and sensors apart from everything else",
+            "weight and sensors",
             f"turn the mount by 90 degrees about the {axis} axis of its base and clamp it there",
             (QUARTER, 0.0, 0.0) if axis == "x" else (0.0, QUARTER, 0.0),
         )

@@ -5,10 +5,10 @@ import pytest
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration import CalibrationRun
+from softarm.estimator.calibration.force_memory import force_memory_shares
 from softarm.estimator.calibration.forward import NodePredictions
 from softarm.estimator.calibration.nodes import Nodes
 from softarm.estimator.calibration.pulled_moduli import by_pull
-from softarm.estimator.calibration.remembered import remembered_shares
 from softarm.estimator.calibration.scatter import scatter_by_condition
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.model import Frames
@@ -39,7 +39,7 @@ def run_of(pulls: Floats, innovation: Floats, pressure: float = 0.0) -> tuple[No
 
 def shares(innovation: Floats, pressure: float = 0.0) -> dict[str, Value]:
     at, nodes = run_of(PULLS, innovation, pressure)
-    return remembered_shares(SETTING, [at], [nodes], {})
+    return force_memory_shares(SETTING, [at], [nodes], {})
 
 
 def kept_of(each: list[float]) -> Floats:
@@ -73,7 +73,7 @@ def test_what_readings_are_off_by_before_a_pull_and_during_it_is_not_remembered(
 
 def test_without_a_vented_pull_nothing_is_told() -> None:
     assert shares(np.zeros((len(PULLS), 6)), pressure=2e4) == {}
-    assert remembered_shares(SETTING, *zip(run_of(0.0 * PULLS, 0.0 * PULLS @ TO_FORCES.T)), {}) == {}
+    assert force_memory_shares(SETTING, *zip(run_of(0.0 * PULLS, 0.0 * PULLS @ TO_FORCES.T)), {}) == {}
 
 
 def test_under_pressure_torsion_scatters_no_less_than_in_free_poses() -> None:

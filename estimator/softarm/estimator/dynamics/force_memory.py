@@ -20,7 +20,7 @@ from softarm.estimator.model import Load
 from softarm.estimator.specimen import Value
 
 
-class RememberedForces:
+class ForceMemory:
     """Follow the largest force on each section.
 
     Args:

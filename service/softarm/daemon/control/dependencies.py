@@ -27,7 +27,7 @@ class EstimatorProcess(Protocol):
         """Kill a process that is stuck; called at every tick."""
 
 
-class Outlet(Protocol):
+class MessageSink(Protocol):
     """Publishes the messages of the loop; it never blocks."""
 
     def publish(self, stream: str, message: Message) -> None:
@@ -55,13 +55,13 @@ class Clocks:
 
 
 @dataclass(frozen=True)
-class Surroundings:
+class LoopDependencies:
     """What a control loop runs on.
 
     Args:
         instruments: Builds the instruments, which feed their samples into the readings.
         estimator: Builds the estimator's process, which passes each result to the given function.
-        outlet: Publishes the streams.
+        sink: Publishes the streams.
         base_body: Channel of the pose of the base, empty for none.
         ready: Called once, as soon as the estimator has started or has given up.
         host: Returns the newest state of the host.
@@ -69,7 +69,7 @@ class Surroundings:
 
     instruments: Callable[[Readings], Instruments]
     estimator: Callable[[Callable[[EstimationResult], None]], EstimatorProcess]
-    outlet: Outlet
+    sink: MessageSink
     base_body: str
     ready: Callable[[], None]
     clocks: Clocks = Clocks()

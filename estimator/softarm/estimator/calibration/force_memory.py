@@ -22,7 +22,7 @@ from softarm.estimator.sensing.model_error import ModelError, vented
 from softarm.estimator.specimen import Value
 
 
-def remembered_shares(
+def force_memory_shares(
     setting: Setting,
     evaluations: Sequence[NodePredictions],
     nodes: Sequence[Nodes],

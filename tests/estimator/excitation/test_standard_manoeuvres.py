@@ -7,11 +7,11 @@ import pytest
 
 from softarm.estimator.effects.effect import Excitation
 from softarm.estimator.effects.excitation import inventory
-from softarm.estimator.excitation import Manoeuvre, ManoeuvreLimits, menu
+from softarm.estimator.excitation import Manoeuvre, ManoeuvreLimits, standard_manoeuvres
 
 SEGMENTS = (0, 0, 0, 1, 1, 1)
 LIMITS = ManoeuvreLimits(np.full(6, 65e3), slew=100e3)
-MENU = menu(SEGMENTS, LIMITS)
+MANOEUVRES = standard_manoeuvres(SEGMENTS, LIMITS)
 TURNED = {"motion", "mount_turned", "each_chamber", "large_pressures"}
 PROMISED: dict[str, set[Excitation]] = {
     "rest": {"rest"},
@@ -36,7 +36,7 @@ def within(manoeuvre: Manoeuvre, limits: ManoeuvreLimits) -> bool:
     return bool(inside.all() and (change <= limits.slew * (1.0 + 1e-9)).all())
 
 
-@pytest.mark.parametrize("manoeuvre", MENU, ids=lambda m: m.name)
+@pytest.mark.parametrize("manoeuvre", MANOEUVRES, ids=lambda m: m.name)
 def test_manoeuvres_keep_to_the_limits_and_end_vented(manoeuvre: Manoeuvre):
     assert within(manoeuvre, LIMITS)
     assert np.all(np.diff(manoeuvre.times) > 0.0)
@@ -45,13 +45,13 @@ def test_manoeuvres_keep_to_the_limits_and_end_vented(manoeuvre: Manoeuvre):
 
 
 def test_a_slower_slew_makes_no_manoeuvre_faster():
-    slow = {m.name: m for m in menu(SEGMENTS, ManoeuvreLimits(np.full(6, 65e3), slew=20e3))}
+    slow = {m.name: m for m in standard_manoeuvres(SEGMENTS, ManoeuvreLimits(np.full(6, 65e3), slew=20e3))}
     assert all(within(m, ManoeuvreLimits(np.full(6, 65e3), slew=20e3)) for m in slow.values())
-    assert all(slow[m.name].duration >= m.duration - 1e-9 for m in MENU)
-    assert slow["steps"].duration > 1.3 * next(m for m in MENU if m.name == "steps").duration
+    assert all(slow[m.name].duration >= m.duration - 1e-9 for m in MANOEUVRES)
+    assert slow["steps"].duration > 1.3 * next(m for m in MANOEUVRES if m.name == "steps").duration
 
 
-@pytest.mark.parametrize("manoeuvre", MENU, ids=lambda m: m.name)
+@pytest.mark.parametrize("manoeuvre", MANOEUVRES, ids=lambda m: m.name)
 def test_recordings_show_what_the_manoeuvre_promises(manoeuvre: Manoeuvre):
     time = np.arange(0.0, manoeuvre.duration, 0.05)
     gravity = np.tile([0.0, 0.0, 9.81], (len(time), 1))
@@ -61,11 +61,11 @@ def test_recordings_show_what_the_manoeuvre_promises(manoeuvre: Manoeuvre):
     assert PROMISED[manoeuvre.name] - {"mount_turned"} <= found
 
 
-def test_the_whole_menu_excites_everything_but_a_long_run():
-    assert set().union(*(PROMISED[m.name] for m in MENU)) >= set(get_args(Excitation)) - {"long_run"}
+def test_all_manoeuvres_excite_everything_but_a_long_run():
+    assert set().union(*(PROMISED[m.name] for m in MANOEUVRES)) >= set(get_args(Excitation)) - {"long_run"}
 
 
 def test_an_arm_without_chambers_is_turned_and_plucked():
-    bare = menu((), ManoeuvreLimits(np.zeros(0)))
+    bare = standard_manoeuvres((), ManoeuvreLimits(np.zeros(0)))
     assert {m.name for m in bare} == {"rest", "mount_turned_x", "mount_turned_y", "pluck"}
     assert all(m.pressures.shape[1] == 0 and m.duration > 0.0 for m in bare)

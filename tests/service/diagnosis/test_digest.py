@@ -5,7 +5,13 @@ from pathlib import Path
 
 import pytest
 
-from softarm.analysis.diagnosis.done import digest_of, done_before, write_digest, write_report, wrote_before
+from softarm.analysis.diagnosis.digest import (
+    digest_of,
+    report_up_to_date,
+    specimen_up_to_date,
+    write_digest,
+    write_report,
+)
 from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.run import DiagnosisRequest
 from softarm.estimator.specimen import load_specimen
@@ -24,30 +30,30 @@ def test_the_same_diagnosis_is_known_again(request_of: DiagnosisRequest, tmp_pat
     out = tmp_path / "out"
     report = report_of(diagnosis())
     digest = digest_of(request_of)
-    assert done_before(out, digest) is None
+    assert report_up_to_date(out, digest) is None
     write_report(report, out)
-    assert done_before(out, digest) is None  # killed before all was written
+    assert report_up_to_date(out, digest) is None  # killed before all was written
     write_digest(digest, out)
-    assert done_before(out, digest) == report
+    assert report_up_to_date(out, digest) == report
     write_report(report, out)
-    assert done_before(out, digest) is None
+    assert report_up_to_date(out, digest) is None
     write_digest(digest, out)
     (out / "report.json").write_text("{}")
-    assert done_before(out, digest) is None
+    assert report_up_to_date(out, digest) is None
     (out / "report.json").unlink()
-    assert done_before(out, digest) is None
+    assert report_up_to_date(out, digest) is None
 
 
 def test_a_specimen_that_was_written_is_known_until_it_is_changed(tmp_path: Path) -> None:
     specimen = tmp_path / "mine.toml"
     specimen.write_text("a = 1\n")
     write_digest("digest", tmp_path)
-    assert not wrote_before(tmp_path, specimen)
+    assert not specimen_up_to_date(tmp_path, specimen)
     write_digest("digest", tmp_path, specimen)
-    assert wrote_before(tmp_path, specimen)
-    assert not wrote_before(tmp_path, tmp_path / "other.toml")
+    assert specimen_up_to_date(tmp_path, specimen)
+    assert not specimen_up_to_date(tmp_path, tmp_path / "other.toml")
     specimen.write_text("a = 2\n")
-    assert not wrote_before(tmp_path, specimen)
+    assert not specimen_up_to_date(tmp_path, specimen)
 
 
 def test_whatever_goes_in_counts(request_of: DiagnosisRequest, tmp_path: Path) -> None:

@@ -34,7 +34,7 @@ def digest_of(request: DiagnosisRequest) -> str:
     return found.hexdigest()
 
 
-def done_before(out: Path, digest: str) -> Report | None:
+def report_up_to_date(out: Path, digest: str) -> Report | None:
     """Return the report of a folder if it is whole and has the same digest; else ``None``."""
     if _kept(out)[:1] != [digest]:
         return None
@@ -44,7 +44,7 @@ def done_before(out: Path, digest: str) -> Report | None:
         return None
 
 
-def wrote_before(out: Path, specimen: Path) -> bool:
+def specimen_up_to_date(out: Path, specimen: Path) -> bool:
     """Return whether a file is the specimen that the diagnosis in a folder wrote, unchanged."""
     return specimen.is_file() and _kept(out)[1:] == [_digest_of_file(specimen)]
 

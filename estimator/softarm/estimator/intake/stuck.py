@@ -118,7 +118,7 @@ def _spread(values: Floats) -> float:
 
 
 @dataclass(frozen=True)
-class Still:
+class StuckReading:
     """A sensor or one axis of it that stands still.
 
     Args:
@@ -146,11 +146,11 @@ class Still:
         )
         name = f"{self.sensor}.{self.axis}" if self.axis else self.sensor
         what = f"{name} stands still at {reading} from {since:.1f} to {until:.1f} s {self.reason}"
-        cure = "it is stuck and left out meanwhile"
+        cure = "it is stuck and left out for that time"
         return RecordingFault(recording.name, "stuck", (name,), what, cure, interval=(since, until))
 
 
-def mend_still(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
+def correct_stuck(recording: Recording, specimen: Specimen) -> tuple[Recording, tuple[RecordingFault, ...]]:
     """Count as lost what sensors and axes read while they stand still, and name each."""
     faults: list[RecordingFault] = []
     for find in (_stopped, _repeated, _unmoved, _left_behind):
@@ -171,9 +171,9 @@ def mend_still(recording: Recording, specimen: Specimen) -> tuple[Recording, tup
     return replace(recording, columns=kept), tuple(faults)
 
 
-def _merged(found: Sequence[Still], time: Floats) -> list[Still]:
+def _merged(found: Sequence[StuckReading], time: Floats) -> list[StuckReading]:
     """Join axes of a sensor that stand still at the same time."""
-    merged: list[Still] = []
+    merged: list[StuckReading] = []
     for one in sorted(found, key=lambda one: (one.sensor, one.rows[0], one.axis or "")):
         last = merged[-1] if merged else one
         apart = np.abs(time[last.rows[[0, -1]]] - time[one.rows[[0, -1]]]).max()
@@ -186,7 +186,7 @@ def _merged(found: Sequence[Still], time: Floats) -> list[Still]:
     return merged
 
 
-def _stopped(recording: Recording, specimen: Specimen) -> list[Still]:
+def _stopped(recording: Recording, specimen: Specimen) -> list[StuckReading]:
     """Find markers that stand still while the others of their body, whose own distances stay, move away.
 
     One that was never near its place in the body is a marker of another body with its name.
@@ -208,7 +208,7 @@ def _stopped(recording: Recording, specimen: Specimen) -> list[Still]:
                 if apart > max(QUIET["m"], CLEAR * kept) and near < MISFIT * PLACED:
                     words = f"while its distance from others of its body changes by {1e3 * apart:.1f} mm"
                     columns = tuple(f"marker_{name}_{suffix}" for suffix in MARKER_SUFFIXES)
-                    found.append(Still(f"marker_{name}", None, columns, seen, words))
+                    found.append(StuckReading(f"marker_{name}", None, columns, seen, words))
     return found
 
 
@@ -240,12 +240,12 @@ def _stretch(one: Floats, other: Floats) -> float:
     return float(np.ptp(apart[np.isfinite(apart)])) if np.isfinite(apart).any() else 0.0
 
 
-def _repeated(recording: Recording, specimen: Specimen) -> list[Still]:
+def _repeated(recording: Recording, specimen: Specimen) -> list[StuckReading]:
     """Find readings that repeat a number while pressures change, though readings show noise."""
     channels = [channel for stream in streams_of(recording, specimen) for channel in _channels(stream)]
     pressures = pressures_of(recording)
     return [
-        Still(sensor, axis, members, rows, "while other readings go on")
+        StuckReading(sensor, axis, members, rows, "while other readings go on")
         for sensor, axis, members in channels
         for rows in _repeats(recording, members)
         if _pressed(pressures, rows)
@@ -290,7 +290,7 @@ def _noisy(values: Floats) -> bool:
     return bool(alternate > max(go_on, 0.1 * products.size))
 
 
-def _unmoved(recording: Recording, specimen: Specimen) -> list[Still]:
+def _unmoved(recording: Recording, specimen: Specimen) -> list[StuckReading]:
     """Find axes of bends that show nothing but noise while their chambers should move them.
 
     Bends beside frames are computed from them, and no sensors.
@@ -317,7 +317,9 @@ def _unmoved(recording: Recording, specimen: Specimen) -> list[Still]:
     return _undriven(recording.time, streams, [lagging(*one) for one in zip(streams, drives, strict=True)])
 
 
-def _undriven(time: Floats, streams: Sequence[SampledStream], bends: Sequence[BendAxes]) -> list[Still]:
+def _undriven(
+    time: Floats, streams: Sequence[SampledStream], bends: Sequence[BendAxes]
+) -> list[StuckReading]:
     """Find axes that are quiet while their drive should move them."""
     found = []
     for stream, bend in zip(streams, bends, strict=True):
@@ -328,11 +330,11 @@ def _undriven(time: Floats, streams: Sequence[SampledStream], bends: Sequence[Be
                 wanted = bend.wanted(axis, during, bends)
                 if wanted > CLEAR * QUIET["rad"]:
                     words = f"while the pressures should move it by about {np.degrees(wanted):.0f} degrees"
-                    found.append(Still(stream.name, "xy"[axis], (stream.columns[axis],), seen, words))
+                    found.append(StuckReading(stream.name, "xy"[axis], (stream.columns[axis],), seen, words))
     return found
 
 
-def _left_behind(recording: Recording, specimen: Specimen) -> list[Still]:
+def _left_behind(recording: Recording, specimen: Specimen) -> list[StuckReading]:
     """Find bodies that show nothing but noise while a body above them moves.
 
     While no pressure changes an arm rests, and a body above that seems to move was stuck itself until then.
@@ -357,7 +359,7 @@ def _left_behind(recording: Recording, specimen: Specimen) -> list[Still]:
             ways = [float(np.nan_to_num(_spread(axis))) for other in above for axis in other.T]
             if max(ways, default=0.0) > CLEAR * QUIET["m"]:
                 words = f"while a body above it moves by {1e3 * max(ways):.0f} mm"
-                found.append(Still(body.name, None, body.columns, seen, words))
+                found.append(StuckReading(body.name, None, body.columns, seen, words))
     return found
 
 

@@ -58,7 +58,7 @@ class SolvedSample:
 
 
 @dataclass(frozen=True)
-class NodeByNode(ModelWrapper):
+class SequentialBatchModel(ModelWrapper):
     """Solves a model sample by sample, each begun from its own last state or from that of a similar one.
 
     It implements ``BatchArmModel``; stiffness factors are the model's ``parameters``, where it has any.
