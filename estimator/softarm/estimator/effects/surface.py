@@ -6,15 +6,15 @@ does.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.simulation import Segments
 
 POINTS = 4
-"""Points of a segment, its lower end among them."""
+"""Points of a segment."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +23,8 @@ class Surface:
 
     Args:
         along: Direction of the arm at rest in the frame of each section, shape (sections, 3).
+        section_radii: Outer radius at the origin of each section [m], shape (sections,).
+        sections: First section at or below each point, shape (points,).
         by_position: Weights of the sections' origins, shape (points, sections).
         by_axis: Weights of their directions [m], shape (points, sections).
         clamped: What the clamp contributes [m], shape (points, 3).
@@ -30,6 +32,8 @@ class Surface:
     """
 
     along: Floats
+    section_radii: Floats
+    sections: Indices
     by_position: Floats
     by_axis: Floats
     clamped: Floats
@@ -44,33 +48,37 @@ class Surface:
             end: Height of the arm's end at rest [m].
             outer_radii: Gives the outer radius at some heights [m].
         """
-        heights = segments.rest.positions[:, 2]
-        by_position, by_axis, clamped, at = [], [], [], []
+        heights, units = segments.rest.positions[:, 2], np.eye(len(segments.rest.positions))
+        shares = (np.arange(POINTS) + 0.5) / POINTS
+        lower, bent = shares**2 * (3.0 - 2.0 * shares), shares * (1.0 - shares) ** 2
+        parts = []
         for above, below in segments.neighbours:
             start = heights[above] if above >= 0 else 0.0
             length = heights[below] - start
-            for share in np.arange(1, POINTS + 1) / POINTS:
-                position, axis, fixed = np.zeros(len(heights)), np.zeros(len(heights)), np.zeros(3)
-                lower = share**2 * (3.0 - 2.0 * share)
-                position[below] = lower
-                axis[below] = length * share**2 * (share - 1.0)
-                bent = length * share * (1.0 - share) ** 2
-                if above >= 0:
-                    position[above], axis[above] = 1.0 - lower, bent
-                else:
-                    fixed[2] = bent
-                by_position.append(position)
-                by_axis.append(axis)
-                clamped.append(fixed)
-                at.append(start + share * length)
+            upper = units[above] if above >= 0 else np.zeros(len(heights))
+            by_position = np.outer(1.0 - lower, upper) + np.outer(lower, units[below])
+            by_axis = length * (np.outer(bent, upper) - np.outer(bent[::-1], units[below]))
+            clamped = np.outer(bent, [0.0, 0.0, length]) if above < 0 else np.zeros((POINTS, 3))
+            parts.append((np.full(POINTS, below), by_position, by_axis, clamped, start + shares * length))
         last = segments.below[-1]
-        by_position.append(np.eye(len(heights))[last])
-        by_axis.append(np.eye(len(heights))[last] * (end - heights[last]))
-        clamped.append(np.zeros(3))
-        at.append(end)
+        tip = (end - heights[last]) * units[[last]]
+        parts.append((np.array([last]), units[[last]], tip, np.zeros((1, 3)), np.array([end])))
+        sections, by_position, by_axis, clamped, at = (
+            np.concatenate(part) for part in zip(*parts, strict=True)
+        )
         along = segments.rest.rotations[:, 2]
-        return cls(
-            along, np.array(by_position), np.array(by_axis), np.array(clamped), outer_radii(np.array(at))
+        return cls(along, outer_radii(heights), sections, by_position, by_axis, clamped, outer_radii(at))
+
+    def down_to(self, section: int) -> "Surface":
+        """Return the points down to a section."""
+        chosen = self.sections <= section
+        return replace(
+            self,
+            sections=self.sections[chosen],
+            by_position=self.by_position[chosen],
+            by_axis=self.by_axis[chosen],
+            clamped=self.clamped[chosen],
+            radii=self.radii[chosen],
         )
 
     def points(self, positions: Floats, rotations: Floats) -> Floats:

@@ -5,7 +5,8 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ModalChange, ParameterSpec, Signals
 from softarm.estimator.effects.springs import Springs
-from softarm.estimator.effects.world import AROUND, Spot, everywhere, moving_sections, whole_and_sections
+from softarm.estimator.effects.surface import POINTS
+from softarm.estimator.effects.world import AROUND, Spot, everywhere, moving_sections
 
 
 def base_compliance(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
@@ -72,27 +73,25 @@ BASE_TILT = Effect(
 
 
 SOFTEST = 25.0
-"""Stiffness [N/m] below which what holds a section back is no obstacle."""
+"""Stiffness [N/m] below which what holds a section back is no obstacle: of all points of a segment."""
 LEAST_CORD = 1e-6
 """Length of a cord [m] below which it has no direction."""
 
 
 def wall_springs(signals: Signals, theta: Floats, spot: Spot) -> Springs:
-    """Push the arm back from a wall beside it: f = -k max(n . x + r - d, 0) n.
+    """Push the arm back from a wall beside it: f = -k max(n . x + r - r_s - d, 0) n.
 
-    n = (cos a, sin a, 0) points into the wall, d is its distance from the arm's axis at rest. The whole arm
-    touches it with its surface, r from the axis, at some points of its length; a section with its origin.
+    n = (cos a, sin a, 0) points into the wall. The arm touches it with its surface, r from the axis, at some
+    points of its length down to a section: first there, as a rule. d is how far the wall is from that
+    section's surface at rest, r_s from its axis.
     """
     stiffness, distance, azimuth = theta
     normal, surface = np.array([np.cos(azimuth), np.sin(azimuth), 0.0]), spot.world.surface
-    if spot.place.section is None:
-        reach = surface.points(signals.positions, signals.rotations) @ normal + surface.radii
-        gradients = surface.gradients(signals.rotations, normal)
-    else:
-        reach = signals.positions[:, spot.section, None] @ normal
-        gradients = np.zeros((len(reach), 1, len(spot.world.sections), 6))
-        gradients[:, 0, spot.section, :3] = normal
-    return Springs(np.full(reach.shape[1], stiffness), reach - distance, gradients)
+    touching = surface.down_to(spot.section)
+    wider = touching.radii - surface.section_radii[spot.section]
+    reach = touching.points(signals.positions, signals.rotations) @ normal + wider
+    gradients = touching.gradients(signals.rotations, normal)
+    return Springs(np.full(len(wider), stiffness), reach - distance, gradients)
 
 
 def contact_obstacle(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
@@ -105,16 +104,16 @@ CONTACT_OBSTACLE = Effect(
     name="contact_obstacle",
     hook="load",
     parameters=(
-        ParameterSpec("stiffness", "N/m", 30.0, SOFTEST, 5000.0, transform="inverse", spread=100.0),
+        ParameterSpec("stiffness", "N/m", 30.0, SOFTEST / POINTS, 5000.0, transform="inverse", spread=100.0),
         ParameterSpec("distance", "m", 0.01, -0.5, 0.5, "shape", "linear", spread=0.1),
         ParameterSpec(
             "azimuth", "rad", 0.0, -3.141592653589793, 3.141592653589793, "shape", "linear", spread=2.0
         ),
     ),
-    places=whole_and_sections,
+    places=moving_sections,
     act=contact_obstacle,
-    statement="An obstacle pushes {where} back: it starts {distance} from the axis at rest in the direction "
-    "of {azimuth} and has a stiffness of {stiffness}.",
+    statement="An obstacle pushes {where} back: it starts {distance} from the rest position in the "
+    "direction of {azimuth} and has a stiffness of {stiffness}.",
     source="Penalty contact with a half space",
     in_healthy_arms=False,
     needs=frozenset({"each_chamber"}),
@@ -123,7 +122,7 @@ CONTACT_OBSTACLE = Effect(
         ("tether_stiffness", "the opposite side of the workspace"),
     ),
     when="pose",
-    shapes=tuple((distance, angle) for distance in (0.01, 0.03, 0.05, 0.07, 0.09) for angle in AROUND),
+    shapes=tuple((distance, angle) for distance in (0.01, 0.03, 0.05, 0.07) for angle in AROUND),
     springs=wall_springs,
 )
 

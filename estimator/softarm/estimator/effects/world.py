@@ -200,11 +200,6 @@ def moving_sections(world: World) -> tuple[Place, ...]:
     return tuple(Place(section=name) for name in world.sections if name != "base")
 
 
-def whole_and_sections(world: World) -> tuple[Place, ...]:
-    """The arm as a whole, and each section below a segment."""
-    return (Place(), *moving_sections(world))
-
-
 def sensors(world: World) -> tuple[Place, ...]:
     """Each sensor."""
     return tuple(Place(sensor=name) for name in world.sensors)
