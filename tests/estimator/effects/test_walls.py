@@ -84,6 +84,15 @@ def test_springs_balance_as_nonnegative_least_squares_do():
         assert forces[t] == pytest.approx(expected, rel=1e-6, abs=1e-9)
 
 
+def test_an_unstable_arm_does_not_keep_the_search_from_ending():
+    gradients = np.eye(6)[:, None][None]
+    unstable = np.diag([1.0, -1.0, 1.0, 1.0, 1.0, -2.0])[None]
+    system = Springs(np.full(6, 100.0), np.ones((1, 6)), gradients)
+    forces = system.balanced(np.zeros((1, 6)), unstable)
+    assert np.isfinite(forces).all()
+    assert (forces >= 0.0).all()
+
+
 @pytest.mark.parametrize("stiffness", [30.0, 500.0, 5000.0])
 def test_a_wall_along_the_arm_balances_however_stiff_it_is(stiffness: float):
     pressures = np.zeros((12, 6))

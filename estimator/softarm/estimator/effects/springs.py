@@ -21,6 +21,8 @@ from softarm.estimator.arrays import Floats
 
 TRIES = 3
 """Exchanges of all springs that are wrongly taut or slack before they are exchanged one at a time."""
+MOST_EXCHANGES = 60
+"""Exchanges after which a search ends anyhow: where the arm is unstable, there may be no solution."""
 SOFTEST = 1e-9
 """Least stiffness [N/m]: a spring that has none has no force."""
 SLACK = 1e-12
@@ -95,7 +97,7 @@ def _balance(matrix: Floats, free: Floats, forces: Floats) -> None:
         for p in range(springs):
             taut[p] = forces[t, p] > 0.0
         fewest, tries = springs + 1, TRIES
-        while True:
+        for _ in range(MOST_EXCHANGES):
             members = np.flatnonzero(taut)
             forces[t] = 0.0
             if len(members):
@@ -114,3 +116,4 @@ def _balance(matrix: Floats, free: Floats, forces: Floats) -> None:
             else:  # one at a time, which always ends
                 last = np.flatnonzero(wrong)[-1]
                 taut[last] = not taut[last]
+        forces[t] = np.maximum(forces[t], 0.0)
