@@ -141,6 +141,14 @@ def test_without_nominal_recordings_the_sizes_stay(search):
     assert sized(search, fit) is fit
 
 
+@pytest.mark.parametrize(("left", "factor"), [(0.5, 1.0), (9.0, 3.0)])
+def test_what_is_left_widens_the_deviations_of_walls_alone(left: float, factor: float):
+    tip = Place(section="tip")
+    hypotheses = tuple(Hypothesis(EFFECTS[name], tip) for name in ("tip_payload", "contact_obstacle"))
+    fit = Fit(hypotheses, (np.array([0.02]), np.array([50.0, 0.03, 0.5])), np.eye(4), 1.0, False)
+    assert sizes.contact_deviations(fit, left) == pytest.approx([1.0, factor, factor, factor])
+
+
 def test_a_size_of_the_other_sign_is_no_estimate_of_the_same_effect():
     fit = fitted()
     assert not reversed_sign(fit, replace(fit, thetas=(np.array([0.05]),)))

@@ -21,8 +21,11 @@ coefficients,
     H^-1 (X'X / fraction + X'C P C'X) H^-1,    H = X'X,
 
 and, for a discrepancy that lasts for a recording, that of the estimates without one recording each
-(jackknife: Miller, Biometrika 61 (1974) 1). Its inverse is the precision that the recordings give, to which
-the prior's is added (Godambe, Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than its prior.
+(jackknife: Miller, Biometrika 61 (1974) 1). How hard a wall is shows in how far it yields, a small part of
+what the arm would otherwise go into it, and so does what the law of the contact leaves out, as its friction:
+the deviations of walls and cords grow with the variance of what is left (Birge, Phys. Rev. 40 (1932) 207).
+The inverse of the covariance is the precision that the recordings give, to which the prior's is added (Godambe,
+Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than its prior.
 """
 
 from collections.abc import Sequence
@@ -123,10 +126,36 @@ def sized(search: Search, fit: Fit) -> Fit:
     prior = 1.0 / parametrisation.spreads**2
     fraction = search.weights.effective_sample_fraction
     spread = robust_covariance(parts, UNBIASED * prior / fraction, search.prior.covariance, fraction)
+    wider = contact_deviations(found, _left_variance(residuals, left))
+    spread *= np.outer(wider, wider)
     covariance = np.linalg.inv(np.linalg.inv(spread) + np.diag(prior))
     if reversed_sign(fit, found):
         return replace(fit, covariance=covariance)
     return replace(found, covariance=covariance, gain=fit.gain)
+
+
+def contact_deviations(fit: Fit, left_variance: float) -> Floats:
+    """Return by how much the deviations of parameters grow: of walls and cords, where much is left.
+
+    Args:
+        fit: The effects.
+        left_variance: Variance of what they leave, over that of the noise.
+
+    Returns:
+        Shape (parameters,).
+    """
+    contacts = [h.effect.responds_to_own_effect for h in fit.hypotheses]
+    of_contacts = np.repeat(contacts, [len(theta) for theta in fit.thetas])
+    return np.where(of_contacts, np.sqrt(max(left_variance, 1.0)), 1.0)
+
+
+def _left_variance(residuals: Sequence[RecordingResidual], changes: Sequence[Floats]) -> float:
+    """Return the variance of what effects leave, over that of the noise."""
+    squares = sum(
+        float(((recorded.left.ravel() - change[:, 0]) ** 2).sum())
+        for recorded, change in zip(residuals, changes, strict=True)
+    )
+    return squares / sum(np.count_nonzero(recorded.weight) for recorded in residuals)
 
 
 def _is_sized(hypothesis: Hypothesis, parameter: ParameterSpec) -> bool:
