@@ -24,8 +24,8 @@ and, for a discrepancy that lasts for a recording, that of the estimates without
 (jackknife: Miller, Biometrika 61 (1974) 1). How hard a wall is shows in how far it yields, a small part of
 what the arm would otherwise go into it, and so does what the law of the contact leaves out, as its friction:
 the deviations of walls and cords grow with the variance of what is left (Birge, Phys. Rev. 40 (1932) 207).
-The inverse of the covariance is the precision that the recordings give, to which the prior's is added (Godambe,
-Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than its prior.
+The inverse of the covariance is the precision that the recordings give, to which the prior's is added
+(Godambe, Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than its prior.
 """
 
 from collections.abc import Sequence
