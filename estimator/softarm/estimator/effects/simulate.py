@@ -77,13 +77,13 @@ def simulate_with(
     before = tuple(memories) if memories is not None else ((),) * len(effects)
     after = list(before)
     drive = _shape_drive(effects, world, drive, before, after)
-    springs = [placed for placed in effects if placed.effect.springs]
-    base, shares = drive, {k: _no_share(e, drive) for k, e in enumerate(effects) if e.answers}
-    shares = {k: share for k, share in shares.items() if effects[k] not in springs}
+    contacts = [placed for placed in effects if placed.effect.springs]
+    others = [k for k, placed in enumerate(effects) if placed.answers and not placed.effect.springs]
+    base, shares = drive, {k: _no_share(effects[k], drive) for k in others}
     old: dict[int, tuple[Floats, Floats]] = {}
     response = arm.respond(drive, near, jacobians=True)
-    forces = _Forces.none(springs, drive)
-    passes, settled = 1, not shares and not springs
+    forces = _Forces.none(contacts, drive)
+    passes, settled = 1, not shares and not contacts
     while not settled and passes < ITERATIONS:
         residuals = {}
         for k, share in shares.items():
@@ -103,7 +103,7 @@ def simulate_with(
         forces = forces.taken(balanced, open_samples)
         loaded = _loaded(base, effects, shares)
         drive = replace(loaded, wrenches=loaded.wrenches + forces.wrenches)
-        anew = {"jacobians": True} if springs and passes % ANEW == 0 else {}
+        anew = {"jacobians": True} if contacts and passes % ANEW == 0 else {}
         response = arm.respond(drive, response, **anew)
         passes += 1
     readings = _readings(effects, world, drive, response, suite, before, after)
