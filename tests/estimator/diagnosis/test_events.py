@@ -1,15 +1,18 @@
 """Stretches that look like a touch before the physics is known, and what the diagnosed model says of them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis.diagnose import diagnose
-from softarm.estimator.diagnosis.events import EventErrors
+from softarm.estimator.diagnosis.events import EventErrors, contact_change
 from softarm.estimator.diagnosis.prepare import averaged, prepare
 from softarm.estimator.diagnosis.session import Session
+from softarm.estimator.effects import EFFECTS
 from softarm.estimator.intake import Disturbance, Intake
 from softarm.estimator.intake.unsteady import LEAST
 from softarm.estimator.recording import Recording
@@ -60,7 +63,7 @@ def test_an_error_is_measured_by_what_the_intake_would_have_reported() -> None:
     )
     larger = replace(model_errors, errors=1.2 * errors)
     assert larger.explained((10.0, 19.0)) is None
-    swinging = replace(larger, vibrations=still + 0.3 * np.array([LEAST["m"], LEAST["rad"]]))
+    swinging = replace(larger, allowed=still + 0.3 * np.array([LEAST["m"], LEAST["rad"]]))
     assert swinging.explained((10.0, 19.0)) == pytest.approx(
         {"m": 1.08 * LEAST["m"], "rad": 1.08 * LEAST["rad"]}
     )
@@ -72,6 +75,20 @@ def test_an_error_is_measured_by_what_the_intake_would_have_reported() -> None:
     )
     stuck[14, 1] = 1.0
     assert replace(model_errors, errors=stuck).explained((10.0, 19.0)) is None
+
+
+@pytest.mark.parametrize(("effect", "allowed"), [("contact_obstacle", 0.12), ("chamber_gain", 0.0)])
+def test_what_the_law_of_a_wall_gets_wrong_is_allowed(effect: str, allowed: float) -> None:
+    """A law leaves three tenths of what it changes: 95 % of the errors are within 1.96 of them."""
+    push = np.array([[0.0, 0.0], [0.2, -0.1]])
+    fit: Any = SimpleNamespace(
+        hypotheses=(SimpleNamespace(effect=EFFECTS[effect]),), selected=lambda kept: list(kept)
+    )
+    search: Any = SimpleNamespace(change=lambda stage, fit: push)
+    stage: Any = SimpleNamespace(residual=np.zeros((2, 2)))
+    change = contact_change(search, stage, fit)
+    assert 1.96 * 0.3 * change.max() == pytest.approx(allowed, abs=0.003)
+    assert np.array_equal(contact_change(search, stage, None), np.zeros((2, 2)))
 
 
 def test_readings_during_an_event_stay_beside_those_that_fits_see() -> None:

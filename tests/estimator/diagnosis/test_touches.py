@@ -99,7 +99,9 @@ def test_where_a_wall_pushes_its_own_error_is_no_touch(effect: str, hidden: bool
     )
     search: Any = SimpleNamespace(change=lambda stage, fit: push)
     stage: Any = SimpleNamespace(
-        suite=SimpleNamespace(units=("rad", "rad")), session=SimpleNamespace(nominal=False)
+        residual=residual,
+        suite=SimpleNamespace(units=("rad", "rad")),
+        session=SimpleNamespace(nominal=False),
     )
     left = out_of_reach(search, stage, fit, residual)
     assert np.array_equal(np.flatnonzero(np.isnan(left).all(axis=1)), [2, 3] if hidden else [])

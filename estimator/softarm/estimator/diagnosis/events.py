@@ -14,6 +14,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.innovations import learnt_coefficients
+from softarm.estimator.diagnosis.law_error import SHARE
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.intake.unsteady import LARGE, least_sizes
 from softarm.estimator.series import inside
@@ -21,7 +22,7 @@ from softarm.estimator.series import inside
 LEAST_SEEN = 0.5
 """Share of an event's samples from which a row speaks of it."""
 TWO_SIDED = 1.96
-"""Standard deviations within which 95 % of the errors that vibrations add lie."""
+"""Standard deviations within which 95 % of the errors that vibrations and contacts add lie."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,8 @@ class EventErrors:
         recording: Name of the recording.
         clock: Time of the session's clock [s], shape (samples,).
         errors: Measured minus predicted, NaN outside of events, shape (samples, rows).
-        vibrations: What vibrations after fast changes of pressure may add to them, shape (samples, rows).
+        allowed: What vibrations after fast changes of pressure, and the laws of walls and cords, may add to
+            them, shape (samples, rows).
         ranges: Range of each row, events included, shape (rows,).
         units: Unit of each row.
     """
@@ -40,15 +42,16 @@ class EventErrors:
     recording: str
     clock: Floats
     errors: Floats
-    vibrations: Floats
+    allowed: Floats
     ranges: Floats
     units: tuple[str, ...]
 
     def explained(self, interval: tuple[float, float]) -> dict[str, float] | None:
         """Return the largest error of a model that predicts an event, in each unit; ``None`` if it does not.
 
-        It does if every error, less what vibrations may add to it, is below what the intake would have
-        reported. A row of which less than half was read, as of a sensor that is stuck, does not count.
+        It does if every error, less what vibrations and contacts may add to it, is below what the intake
+        would have reported. A row of which less than half was read, as of a sensor that is stuck, does not
+        count.
 
         Args:
             interval: From when to when, by the session's clock [s].
@@ -59,7 +62,7 @@ class EventErrors:
         if not seen.any():
             return None
         errors, units = errors[:, seen], np.array(self.units)[seen]
-        beyond = np.maximum(errors - self.vibrations[during][:, seen], 0.0)
+        beyond = np.maximum(errors - self.allowed[during][:, seen], 0.0)
         least = least_sizes(units.tolist(), self.ranges[seen])
         if (np.nanpercentile(beyond, LARGE, axis=0) > least).any():
             return None
@@ -82,13 +85,22 @@ def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
             continue
         change = 0.0 if fit is None else search.change(stage, fit)
         errors = stage.innovation(readings) - change - columns @ learnt
-        session, vibrations = stage.session, TWO_SIDED * stage.model_error_std
+        session = stage.session
+        allowed = TWO_SIDED * np.hypot(stage.model_error_std, SHARE * contact_change(search, stage, fit))
         found.append(
             EventErrors(
-                session.name, session.clock, errors, vibrations, _ranges(stage), tuple(stage.suite.units)
+                session.name, session.clock, errors, allowed, _ranges(stage), tuple(stage.suite.units)
             )
         )
     return tuple(found)
+
+
+def contact_change(search: Search, stage: Stage, fit: Fit | None) -> Floats:
+    """Return by how much walls and cords that were found change the predictions, shape (samples, rows)."""
+    acting = [k for k, h in enumerate(fit.hypotheses) if h.effect.responds_to_own_effect] if fit else []
+    if fit is None or not acting:
+        return np.zeros(stage.residual.shape)
+    return np.abs(search.change(stage, fit.selected(acting)))
 
 
 def _ranges(stage: Stage) -> Floats:

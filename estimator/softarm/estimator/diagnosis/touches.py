@@ -12,6 +12,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.events import contact_change
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.innovations import residuals_as_known
 from softarm.estimator.diagnosis.session import Session
@@ -63,13 +64,10 @@ def out_of_reach(search: Search, stage: Stage, fit: Fit | None, residual: Floats
 
     What the model gets wrong of them comes and goes as a hand does. Nominal recordings have none of them.
     """
-    if fit is None or stage.session.nominal:
-        return residual
-    acting = [k for k, h in enumerate(fit.hypotheses) if h.effect.responds_to_own_effect]
-    if not acting:
+    if stage.session.nominal:
         return residual
     least = np.array([LEAST[unit] for unit in stage.suite.units])
-    reached = np.any(np.abs(search.change(stage, fit.selected(acting))) > least, axis=1)
+    reached = np.any(contact_change(search, stage, fit) > least, axis=1)
     return np.where(reached.reshape(-1, 1), np.nan, residual)
 
 
