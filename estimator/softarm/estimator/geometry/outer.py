@@ -9,6 +9,7 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.geometry.groups import read_content
 from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Block, Cylinder, MeshFile, QuadrantCylinder, Specimen, SweptLobes
+from softarm.estimator.specimen.entry import Quaternion, Vector
 
 SLICES = 20
 """Parts of its height in which the outermost node of a mesh from a file is sought."""
@@ -33,14 +34,19 @@ def outer_radii(specimen: Specimen, heights: Floats) -> Floats:
         case Block() as shape:
             return np.full(len(heights), 0.5 * float(np.hypot(shape.width_x_m, shape.width_y_m)))
         case MeshFile() as shape:
-            return np.interp(heights, *_outermost(specimen.folder / shape.path, shape))
+            path = specimen.folder / shape.path
+            slices = _outermost(path, shape.metres_per_unit, shape.quaternion, shape.origin_m)
+            return np.interp(heights, *slices)
 
 
 @lru_cache(maxsize=8)
-def _outermost(path: Path, shape: MeshFile) -> tuple[Floats, Floats]:
+def _outermost(
+    path: Path, metres_per_unit: float, quaternion: Quaternion, origin_m: Vector
+) -> tuple[Floats, Floats]:
     """Return heights of slices of a mesh [m] and the distance of the outermost node in each [m]."""
-    rotation = from_quaternions(np.array(shape.quaternion))
-    points = read_content(path).points * shape.metres_per_unit @ rotation.T + np.array(shape.origin_m)
+    content, rotation = read_content(path), from_quaternions(np.array(quaternion))
+    used = np.unique(np.concatenate([connectivity.ravel() for _, connectivity in content.blocks]))
+    points = content.points[used] * metres_per_unit @ rotation.T + np.array(origin_m)
     distances = np.hypot(points[:, 0], points[:, 1])
     edges = np.linspace(points[:, 2].min(), points[:, 2].max(), SLICES + 1)
     slices = np.clip(np.searchsorted(edges, points[:, 2], side="right") - 1, 0, SLICES - 1)
