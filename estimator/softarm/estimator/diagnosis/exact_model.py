@@ -8,7 +8,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.effects import World
-from softarm.estimator.effects.placed import PlacedEffect, signals_of
+from softarm.estimator.effects.placed import PlacedEffect, met, signals_of
 from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
@@ -87,15 +87,13 @@ class ExactModel:
             return drive, response
         offset = self.observed.frames.positions[nodes] - self.baseline.frames.positions[nodes]
         signals = signals_of(drive.at(nodes), self.world, _moved(response, offset))
-        loads = [placed.act(signals, ())[0] for placed in answering]
-        met = np.flatnonzero(np.abs(loads).max(axis=(0, 2, 3)))
-        if not len(met):
+        touching = met(answering, signals)
+        if not len(touching):
             return drive, response
-        arm, there = _ObservedArm(self.arm, offset[met]), drive.at(nodes[met])
+        arm, there = _ObservedArm(self.arm, offset[touching]), drive.at(nodes[touching])
         wrenches = drive.wrenches.copy()
-        begun = response.at(met)
-        simulation = simulate_with(answering, arm, self.world, there, near=begun)
-        wrenches[nodes[met]] = simulation.drive.wrenches
+        simulation = simulate_with(answering, arm, self.world, there, near=response.at(touching))
+        wrenches[nodes[touching]] = simulation.drive.wrenches
         loaded = replace(drive, wrenches=wrenches)
         return loaded, self.arm.respond(loaded.at(nodes), response, jacobians=False)
 

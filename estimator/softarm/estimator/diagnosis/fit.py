@@ -116,9 +116,7 @@ def _cross(common: NDArray[np.float32], changes: NDArray[np.float32]) -> NDArray
     count, (rows, columns) = len(changes), common.shape
     products = np.zeros((count, columns), dtype=np.float32)
     whole = rows - rows % 4
-    for r in range(
-        0, whole, 4
-    ):  # four rows at once: so many products are read and written a quarter as often
+    for r in range(0, whole, 4):  # four rows at once: products are read and written a quarter as often
         for k in range(count):
             c0, c1, c2, c3 = changes[k, r], changes[k, r + 1], changes[k, r + 2], changes[k, r + 3]
             for n in range(columns):

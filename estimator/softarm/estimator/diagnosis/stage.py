@@ -14,7 +14,7 @@ from softarm.estimator.diagnosis.recent import Recent
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.effects import Spot, World
 from softarm.estimator.effects.effect import ModalChange, Signals
-from softarm.estimator.effects.placed import PlacedEffect, signals_of
+from softarm.estimator.effects.placed import PlacedEffect, met, signals_of
 from softarm.estimator.effects.simulate import recorded_rotation, simulate_with
 from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel
@@ -342,15 +342,13 @@ class Stage:
         return self._recent.get(("simulated", *_keys(effects)), lambda: self._simulate(effects))
 
     def _simulate(self, effects: Sequence[PlacedEffect]) -> Floats:
-        loads = [placed.act(self.signals, ())[0] for placed in effects]
-        met = np.flatnonzero(np.abs(loads).max(axis=(0, 2, 3)))
+        touching = met(effects, self.signals)
         change = np.zeros(self.residual.shape)
-        if len(met):  # else walls and cords are out of reach
-            # Loads of contact have no memory: elsewhere the arm answers to the drive as it is.
-            there = self.arm.at(met)
+        if len(touching):  # elsewhere the arm answers to the drive as it is
+            there = self.arm.at(touching)
             simulation = simulate_with(effects, there, self.world, there.drive)
             readings = self.suite.predict(simulation.response.frames)
-            change[met] = self.suite.sensitivity(there.baseline.frames, readings).innovation
+            change[touching] = self.suite.sensitivity(there.baseline.frames, readings).innovation
         return np.where(self.arm.baseline.converged[:, None], change, np.nan)
 
     @cached_property

@@ -1,12 +1,12 @@
 """An effect at a place, and the one way in which it acts on what drives the arm."""
 
-from collections.abc import Hashable, Mapping
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.effects.effect import Effect, Hook, Memory, Signals
 from softarm.estimator.effects.springs import Springs
 from softarm.estimator.effects.world import Spot, World
@@ -134,3 +134,9 @@ def signals_of(drive: Drive, world: World, response: ArmResponse | None = None) 
         moment,
         np.zeros((samples, 0)),
     )
+
+
+def met(effects: Sequence[PlacedEffect], signals: Signals) -> Indices:
+    """Return the numbers of the samples at which walls and cords act, for their loads have no memory."""
+    loads = [placed.act(signals, ())[0] for placed in effects]
+    return np.flatnonzero(np.abs(loads).max(axis=(0, 2, 3)))

@@ -13,6 +13,8 @@ import numpy as np
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.errors import InputError, suggest
 from softarm.estimator.mesh import ElementKind, FacetKind
+from softarm.estimator.rotations import from_quaternions
+from softarm.estimator.specimen.entry import Quaternion, Vector
 
 ELEMENTS: Mapping[str, ElementKind] = {
     "tetra": "tet4",
@@ -42,6 +44,12 @@ class MeshFileContent:
     points: Floats
     blocks: tuple[tuple[ElementKind, Indices], ...]
     mesh: Any
+
+    def points_in_base(self, metres_per_unit: float, quaternion: Quaternion, origin_m: Vector) -> Floats:
+        """Return the nodes in the base frame [m], shape (nodes, 3); see ``MeshFile``."""
+        rotation = from_quaternions(np.array(quaternion))
+        points: Floats = self.points * metres_per_unit @ rotation.T + np.array(origin_m)
+        return points
 
     def elements(self, group: str, where: str) -> list[Indices]:
         """List the members of a group among the elements of each block.

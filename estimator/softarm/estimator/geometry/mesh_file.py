@@ -12,7 +12,6 @@ from softarm.estimator.geometry.faces import boundary_faces, connected_parts, is
 from softarm.estimator.geometry.groups import MeshFileContent, read_content
 from softarm.estimator.mesh import ElementBlock, ElementSurface, FacetKind, Mesh, without_orphans
 from softarm.estimator.reference_elements import FACE_KIND
-from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Chamber, MeshFile, Section, Specimen
 
 # Of the body's height, within which a node lies on a face.
@@ -30,10 +29,9 @@ def read_mesh(specimen: Specimen, geometry: MeshFile) -> Mesh:
     """
     path = specimen.folder / geometry.path
     content = read_content(path)
-    rotation = from_quaternions(np.array(geometry.quaternion))
     if not np.isfinite(content.points).all():
         raise InputError(f"{path}: geometry.path", "a node's coordinate is not finite", "mesh the body again")
-    points = content.points * geometry.metres_per_unit @ rotation.T + np.array(geometry.origin_m)
+    points = content.points_in_base(geometry.metres_per_unit, geometry.quaternion, geometry.origin_m)
     regions = _regions(specimen, geometry, content, points, path)
     blocks = tuple(
         ElementBlock(kind, connectivity, region)

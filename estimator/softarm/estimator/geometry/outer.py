@@ -7,7 +7,6 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.geometry.groups import read_content
-from softarm.estimator.rotations import from_quaternions
 from softarm.estimator.specimen import Block, Cylinder, MeshFile, QuadrantCylinder, Specimen, SweptLobes
 from softarm.estimator.specimen.entry import Quaternion, Vector
 
@@ -44,9 +43,9 @@ def _outermost(
     path: Path, metres_per_unit: float, quaternion: Quaternion, origin_m: Vector
 ) -> tuple[Floats, Floats]:
     """Return heights of slices of a mesh [m] and the distance of the outermost node in each [m]."""
-    content, rotation = read_content(path), from_quaternions(np.array(quaternion))
+    content = read_content(path)
     used = np.unique(np.concatenate([connectivity.ravel() for _, connectivity in content.blocks]))
-    points = content.points[used] * metres_per_unit @ rotation.T + np.array(origin_m)
+    points = content.points_in_base(metres_per_unit, quaternion, origin_m)[used]
     distances = np.hypot(points[:, 0], points[:, 1])
     edges = np.linspace(points[:, 2].min(), points[:, 2].max(), SLICES + 1)
     slices = np.clip(np.searchsorted(edges, points[:, 2], side="right") - 1, 0, SLICES - 1)

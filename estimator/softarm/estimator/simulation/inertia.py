@@ -28,6 +28,7 @@ from softarm.estimator.model import Frames
 from softarm.estimator.response import ArmResponse
 from softarm.estimator.sensing.measurement import rigid_motion
 from softarm.estimator.simulation.segments import Neighbours, Segments
+from softarm.estimator.small_matrices import invert, product
 from softarm.estimator.specimen import Specimen
 from softarm.estimator.vectors import cross
 
@@ -386,14 +387,13 @@ def _edges(clock: Floats) -> Floats:
     return np.concatenate([clock[:1] - half, 0.5 * (clock[1:] + clock[:-1]), clock[-1:] + half])
 
 
-@njit(cache=True, nogil=True, error_model="numpy")
+@njit(cache=True, nogil=True)
 def _accelerations(
     h: Floats, mass: Floats, resisting: Floats, stiffness: Floats, spring: Floats, drag: Floats
 ) -> None:
     """Fill the accelerations at the end of a time step by what pulls then, and by each speed.
 
-    They are S = A^-1 K and A^-1 D with A = M + h D / 2 + h^2 K / 4, by Gauss-Jordan elimination; not finite
-    where A is singular.
+    They are S = A^-1 K and A^-1 D with A = M + h D / 2 + h^2 K / 4.
 
     Args:
         h: Length of the time steps of each sample [s], shape (samples,).
@@ -404,38 +404,15 @@ def _accelerations(
         drag: Filled with (A^-1 D)^T, of the same shape.
     """
     size = mass.shape[1]
-    rows = np.empty((size, 3 * size))
+    implicit, inverse = np.empty((size, size)), np.empty((size, size))
     for n in range(len(mass)):
         for r in range(size):
             for c in range(size):
-                m, d, k = mass[n, r, c], resisting[n, r, c], stiffness[n, r, c]
-                rows[r, c] = m + 0.5 * h[n] * d + 0.25 * h[n] * h[n] * k
-                rows[r, size + c], rows[r, 2 * size + c] = k, d
-        _reduce(rows)
-        for r in range(size):
-            for c in range(size):
-                spring[n, c, r], drag[n, c, r] = rows[r, size + c], rows[r, 2 * size + c]
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _reduce(rows: Floats) -> None:
-    """Bring the square matrix at the left of some rows to the unit matrix, which solves for their rest."""
-    size, width = rows.shape
-    for p in range(size):
-        largest = p
-        for r in range(p + 1, size):
-            if abs(rows[r, p]) > abs(rows[largest, p]):
-                largest = r
-        scale = 1.0 / rows[largest, p]
-        for c in range(p, width):
-            pivot = rows[largest, c] * scale
-            rows[largest, c] = rows[p, c]
-            rows[p, c] = pivot
-        for r in range(size):
-            factor = rows[r, p]
-            if r != p:
-                for c in range(p, width):
-                    rows[r, c] -= factor * rows[p, c]
+                damped = mass[n, r, c] + 0.5 * h[n] * resisting[n, r, c]
+                implicit[r, c] = damped + 0.25 * h[n] * h[n] * stiffness[n, r, c]
+        invert(implicit, inverse)
+        product(inverse, stiffness[n], spring[n].T)
+        product(inverse, resisting[n], drag[n].T)
 
 
 def _integrated(
