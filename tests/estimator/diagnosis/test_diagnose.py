@@ -310,14 +310,14 @@ def test_a_segment_that_locks_is_not_called_one_that_stiffens() -> None:
 
 def test_physics_that_is_not_tried_leaves_something_unexplained() -> None:
     """No effect of the library stands out, but nominal runs do not differ from one another so much."""
-    found = _diagnose(trial([("hysteresis", Place(), (0.25, 0.1))])).diagnosis
+    found = _diagnose(trial([("hysteresis", Place(), (0.25, 0.1, 0.0, 0.0))])).diagnosis
     assert found.verdict in ("unexplained", "partly_explained")
 
 
 @pytest.mark.parametrize("known", [True, False])
 def test_what_an_arm_had_at_its_own_shape_is_no_gain_of_an_effect(*, known: bool) -> None:
     """Friction over a hundredth of a radian is unlike what the library's shapes stand for."""
-    friction = ("hysteresis", Place(), (0.9, 0.01))
+    friction = ("hysteresis", Place(), (0.9, 0.01, 0.0, 0.0))
     sessions = [
         *(session(f"nominal_{k}", k, [friction] if known else [], nominal=True) for k in range(2)),
         *(session(f"run_{k}", 10 + k, [friction]) for k in range(4)),

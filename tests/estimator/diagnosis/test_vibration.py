@@ -115,6 +115,21 @@ def test_an_arm_vibrates_about_what_an_effect_changes(calm: Stage) -> None:
     assert plain.change([gain]) == pytest.approx(still - 0.2 * lag, abs=0.02 * np.abs(lag).max())
 
 
+def test_a_law_that_stiffens_the_material_lets_the_arm_vibrate_faster(calm: Stage) -> None:
+    """Friction that never slips is a stiffness, beside the pose from which it starts."""
+    plain, lag = vibrating(calm, MASSES)
+    friction = PlacedEffect(
+        EFFECTS["hysteresis"], Spot(calm.world, Place(segment="lower")), np.array([0.4, 1e3, 0.0, 1.0])
+    )
+    stiffer = PlacedEffect(
+        EFFECTS["segment_stiffness"], Spot(calm.world, Place(segment="lower")), np.array([0.4])
+    )
+    changes = [plain.change([one]) for one in (friction, stiffer)]
+    difference = np.diff(changes[0] - changes[1], axis=0)
+    assert np.linalg.norm(difference) < 0.05 * np.linalg.norm(np.diff(changes[1], axis=0))
+    assert np.abs(changes[1]).max() > 0.1 * np.abs(lag).max()
+
+
 def _crossings(gravity: float) -> int:
     """Count how often the base of an arm with 0.08 kg at its tip crosses its rest after a step."""
     clock = np.arange(0.0, 40.0, 0.02)

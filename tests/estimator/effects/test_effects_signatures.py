@@ -8,8 +8,9 @@ from scipy.special import erf
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects import EFFECTS
+from softarm.estimator.effects.hysteresis import slipping, slipping_fibres
 from softarm.estimator.effects.placed import signals_of
-from softarm.estimator.effects.rubber import losses, slipping, yielding
+from softarm.estimator.effects.rubber import losses, yielding
 from softarm.estimator.effects.simulate import simulate_with
 from softarm.estimator.rotations import exp, to_quaternions
 from softarm.estimator.specimen.physics import Place
@@ -65,9 +66,11 @@ def test_an_arm_that_has_hung_under_its_weight_has_crept():
 
 @pytest.mark.parametrize("name", ["hysteresis", "mullins_softening", "material_stiffening"])
 def test_what_knows_no_rate_is_the_same_at_every_rate(name: str):
-    theta = {"hysteresis": [0.3, 0.1], "mullins_softening": [0.3, 0.2, 0.5], "material_stiffening": [1.0]}[
-        name
-    ]
+    theta = {
+        "hysteresis": [0.3, 0.1, 0.0, 0.0],
+        "mullins_softening": [0.3, 0.2, 0.5],
+        "material_stiffening": [1.0],
+    }[name]
     slow, fast = ramps(100.0), ramps(1.0)
     assert np.allclose(bends(slow, placed(name, theta)), bends(fast, placed(name, theta)), atol=1e-9)
 
@@ -81,7 +84,7 @@ def test_what_knows_a_rate_is_not(name: str):
 
 def test_hysteresis_opens_a_loop_that_closes():
     drive = ramps(10.0, cycles=3, samples=601)
-    strain = bends(drive, placed("hysteresis", [0.3, 0.05]))[:, 0, 1]
+    strain = bends(drive, placed("hysteresis", [0.3, 0.05, 0.0, 0.0]))[:, 0, 1]
     up, down = strain[250], strain[350]
     assert drive.pressures[250, 0] == pytest.approx(drive.pressures[350, 0])
     assert down - up > 0.01
@@ -370,7 +373,7 @@ def test_friction_adds_to_the_stiffness_until_it_slips():
     """Bouc-Wen (Wen 1976): stiffness 1 + a after a reversal, 1 once slipping, a r carried by friction."""
     drive = ramps(10.0, cycles=2, samples=4001)
     loads, strain = (
-        bends(drive, *effects)[:, 0, 1] for effects in ((), (placed("hysteresis", [0.3, 0.02]),))
+        bends(drive, *effects)[:, 0, 1] for effects in ((), (placed("hysteresis", [0.3, 0.02, 0.0, 0.0]),))
     )
     stiffness = np.diff(loads) / np.where(np.diff(strain) == 0.0, np.inf, np.diff(strain))
     turn = int(np.argmax(loads))
@@ -379,15 +382,63 @@ def test_friction_adds_to_the_stiffness_until_it_slips():
     assert loads[turn] - strain[turn] == pytest.approx(0.3 * 0.02, rel=0.01)
 
 
-def test_friction_knows_no_direction():
+@pytest.mark.parametrize("abrupt", [False, True])
+def test_friction_knows_no_direction(abrupt: bool):
     turned = np.array([[0.6, -0.8], [0.8, 0.6]])
     rng = np.random.default_rng(4)
     loads = np.cumsum(rng.normal(0.0, 0.02, (300, 1, 2)), axis=0)
 
     def slipped(values: np.ndarray) -> np.ndarray:
-        return slipping(values, np.array([0.4]), 0.05, np.zeros((1, 2)), np.zeros((1, 2)))
+        return slipping(values, np.array([0.4]), 0.05, abrupt, np.zeros((1, 2)), np.zeros((1, 2)))
 
     assert np.allclose(slipped(loads @ turned.T), slipped(loads) @ turned.T, atol=1e-8)
+
+
+def test_abrupt_friction_is_elastic_until_it_stops():
+    """Prandtl's element: stiffness 1 + a over the first 2 r of bend after a reversal, and 1 beyond."""
+    strength, reach = 0.4, 0.05
+    strain = np.concatenate([np.linspace(0.0, 0.5, 501), np.linspace(0.5, 0.0, 501)[1:]])
+    since = np.where(np.arange(1001) <= 500, strain, 0.5 - strain)
+    held = np.where(np.arange(1001) <= 500, np.minimum(since, reach), reach - np.minimum(since, 2.0 * reach))
+    loads = np.zeros((1001, 1, 2))
+    loads[:, 0, 0] = strain + strength * held
+    bends = slipping(loads, np.array([strength]), reach, True, np.zeros((1, 2)), np.zeros((1, 2)))
+    assert bends[:, 0, 0] == pytest.approx(strain, abs=1e-9)
+
+
+@pytest.mark.parametrize("abrupt", [False, True])
+@pytest.mark.parametrize("strength", [0.3, 0.9, -0.4])
+def test_a_ring_of_fibres_that_slip_is_in_balance(strength: float, abrupt: bool):
+    """Load less stress is what friction carries, found again from the strains fibre by fibre."""
+    reach, angles = 0.05, np.arange(12) * np.pi / 6.0
+    levers = np.stack([np.ones(12), np.cos(angles), np.sin(angles)], axis=-1)
+    loads = np.cumsum(np.random.default_rng(4).normal(0.0, 0.01, (400, 1, 3)), axis=0)
+    strains = slipping_fibres(loads, np.array([strength]), reach, abrupt, loads[0].copy(), np.zeros((1, 12)))
+    held, most = np.zeros(12), 0.0
+    for change, strain, load in zip(
+        np.diff(strains[:, 0], axis=0), strains[1:, 0], loads[1:, 0], strict=True
+    ):
+        stretch = levers @ change
+        if abrupt:
+            held = np.clip(held + stretch, -reach, reach)
+        else:
+            limit = reach * np.sign(stretch)
+            held = limit + (held - limit) * np.exp(-np.abs(stretch) / reach)
+        assert np.diag([1.0, 0.5, 0.5]) @ (load - strain) == pytest.approx(
+            strength * (held @ levers) / 12.0, abs=1e-8
+        )
+        most = max(most, np.abs(held).max())
+    assert most > 0.5 * reach
+
+
+def test_fibres_that_an_elongation_has_slipped_hold_no_bend():
+    """Friction in the bend knows nothing of elongation; that of fibres is spent along the way."""
+    loads = np.zeros((201, 1, 3))
+    loads[:101, 0, 0], loads[101:, 0, 0] = np.linspace(0.0, 0.5, 101), 0.5
+    loads[:, 0, 1] = np.linspace(0.0, 1e-3, 201)
+    strains = slipping_fibres(loads, np.array([0.4]), 0.05, True, np.zeros((1, 3)), np.zeros((1, 12)))
+    assert strains[100, 0, 0] == pytest.approx(0.5 - 0.4 * 0.05, abs=1e-6)
+    assert np.diff(strains[50:101, 0, 1]) == pytest.approx(np.diff(loads[50:101, 0, 1]), abs=1e-9)
 
 
 def test_crosstalk_bends_the_other_segment():

@@ -9,6 +9,7 @@ import numpy as np
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Prediction
+from softarm.estimator.diagnosis.equivalent_linear import Resistance, Swing, bends_of, resistances
 from softarm.estimator.diagnosis.exact_model import ExactModel
 from softarm.estimator.diagnosis.recent import Recent
 from softarm.estimator.diagnosis.session import Session
@@ -77,27 +78,42 @@ class Vibrations:
     still: Floats
     resting: LinearisedArm
 
-    def strains(
-        self, change: Floats, modal: ModalChange, spot: Spot, stiffness: Floats | None = None
-    ) -> Floats:
+    def strains(self, change: Floats, other: VibratingArm | None = None) -> Floats:
         """Return what an effect changes of the strains while the arm vibrates, shape (samples, strains, ...).
 
         Args:
             change: What it changes of the quasi-static strains, shape (samples, strains, ...).
+            other: The arm with the effect, if it vibrates in another way.
+        """
+        if other is None:
+            return change + self.arm.lag(change)
+        return change + other.lag(self.still + change) - self._usual_lag
+
+    def altered(self, modal: ModalChange, spot: Spot, stiffness: Floats | None) -> VibratingArm | None:
+        """Return the arm that an effect makes vibrate in another way, if it does.
+
+        Args:
             modal: What it does to masses and damping.
             spot: Where it does so.
             stiffness: Factor on the stiffness of the segments there, shape (samples,), if it changes that.
         """
         if modal.vibrates_alike and stiffness is None:
-            return change + self.arm.lag(change)
+            return None
         added = np.zeros(self.arm.dynamics.places.shape[1])
         added[spot.section] = modal.added_mass
         other = self.arm.heavier(modal.mass_ratio, added)
         segments = np.repeat(spot.segments, 4)
         other = other.slower(segments, modal.inertia_time, modal.damping_time)
-        if stiffness is not None:
-            other = other.stiffer(segments, stiffness)
-        return change + other.lag(self.still + change) - self._usual_lag
+        return other if stiffness is None else other.stiffer(segments, stiffness)
+
+    def resisted(self, resistances: Sequence[Resistance]) -> VibratingArm:
+        """Return the arm whose segments resist in another way."""
+        other, samples = self.arm, len(self.still)
+        for one in resistances:
+            bends = bends_of(one, self.still.shape[1] // 4)
+            other = other.stiffer(bends, np.full(samples, one.stiffness))
+            other = other.slower(bends, 0.0, one.damping_time)
+        return other
 
     def rocked(self, rotation: Floats, compliance: float, masses: Floats) -> tuple[Floats, Floats]:
         """Return what a compliant base changes while the arm vibrates.
@@ -401,19 +417,30 @@ class Stage:
     def _first_order(self, placed: PlacedEffect, *, vibrating: bool) -> Floats:
         if not placed.field:
             return self.innovation(self._misread(placed, self.base))
-        drive = self.drive
-        modal = placed.effect.modal(placed.theta) if vibrating else None
-        if modal is not None and modal.base_compliance > 0.0 and self.vibrations is not None:
+        drive, modal = self.drive, placed.effect.modal(placed.theta)
+        if vibrating and modal.base_compliance > 0.0 and self.vibrations is not None:
             return self._rocked(placed, modal.base_compliance)
         change, _ = placed.change(self.signals)
         if placed.field == "base_rotation":
             rotated = placed.apply(drive, change)
             usual = replace(drive, base_rotation=self._usual(rotated, (placed,)))
             return _applied(self.twist_jacobian, self.arm.twists(rotated) - self.arm.rigid(usual))
-        if placed.effect.only_vibrates and vibrating and self.vibrations is not None:
-            change = np.zeros_like(change)
+        if self.vibrations is None or not vibrating:
+            return _applied(self.by_drive[placed.field], change.reshape(drive.samples, -1))
         stiffness = placed.stiffness(self.signals.time)
-        return self._moved(placed.field, change.reshape(drive.samples, -1), modal, placed.spot, stiffness)
+        other = self.vibrations.altered(modal, placed.spot, stiffness)
+        if placed.effect.only_vibrates:
+            change = np.zeros_like(change)
+        elif placed.field == "eigenstrains":
+            # An arm of another stiffness vibrates about what changes at rest.
+            at_rest, _ = placed.change(self._signals_at_rest)
+            if stiffness is None:
+                least = -self.vibrations.arm.damping[1]
+                answers, change = resistances(self._swing, change, at_rest, placed.spot.segments, least)
+                other = self.vibrations.resisted(answers)
+            else:
+                change = at_rest
+        return self._moved(placed.field, change.reshape(drive.samples, -1), other)
 
     def first_order_of_many(self, effects: Sequence[PlacedEffect]) -> Floats:
         """Return that of each of some effects, alone; ``superposes`` holds of them, and they change one part.
@@ -422,43 +449,33 @@ class Stage:
             Shape (samples, rows, effects).
         """
         changes = [placed.change(self.signals)[0].reshape(self.drive.samples, -1) for placed in effects]
-        return self._moved(effects[0].field, np.stack(changes, axis=-1), ModalChange(), effects[0].spot)
+        return self._moved(effects[0].field, np.stack(changes, axis=-1))
 
-    def _moved(
-        self,
-        field: str,
-        change: Floats,
-        modal: ModalChange | None,
-        spot: Spot,
-        stiffness: Floats | None = None,
-    ) -> Floats:
+    def _moved(self, field: str, change: Floats, other: VibratingArm | None = None) -> Floats:
         """Return what changes of a part of the drive change, shape (samples, rows, ...).
 
         Args:
             field: The part.
             change: Shape (samples, inputs, ...).
-            modal: What it does to masses and damping; ``None`` where the arm does not vibrate about it.
-            spot: Where it does so.
-            stiffness: Factor on the stiffness of the segments there, shape (samples,), if it changes that.
+            other: The arm as it vibrates then, if that is another way.
         """
         moved = _applied(self.by_drive[field], change)
-        if self.vibrations is None or modal is None:
+        if self.vibrations is None:
             return moved
         # By poses that it only swings through, close to a limit point, it would yield far: it yields at rest.
         at_rest, there = (
             np.nan_to_num(_applied(by_drive[field], change))
             for by_drive in (self.vibrations.strains_by_drive, self.strains_by_drive)
         )
-        strained = self.vibrations.strains(at_rest, modal, spot, stiffness) - there
-        vibrating = moved + _applied(self._strain_jacobian, strained)
+        strained = self.vibrations.strains(at_rest, other) - there
         *_, stable = self._strain_stiffness
-        return np.where(stable.reshape(-1, *(1,) * (change.ndim - 1)), vibrating, 0.0)
+        known = stable.reshape(-1, *(1,) * (change.ndim - 1))
+        return np.where(known, moved + _applied(self._strain_jacobian, strained), 0.0)
 
     def _rocked(self, placed: PlacedEffect, compliance: float) -> Floats:
         """Return what a compliant base changes while the arm vibrates on it, shape (samples, rows)."""
         assert self.vibrations is not None
-        resting = self.vibrations.resting
-        rotation, _ = placed.change(signals_of(resting.drive, self.world, resting.baseline))
+        rotation, _ = placed.change(self._signals_at_rest)
         strains, rocking = self.vibrations.rocked(np.nan_to_num(rotation), compliance, self.world.masses)
         rotated = placed.apply(self.drive, rocking)
         usual = replace(self.drive, base_rotation=self._usual(rotated, (placed,)))
@@ -471,6 +488,23 @@ class Stage:
     def signals(self) -> Signals:
         """What effects see of the session without them."""
         return signals_of(self.drive, self.world, self.arm.baseline)
+
+    @cached_property
+    def _signals_at_rest(self) -> Signals:
+        """What effects would see of the arm if it did not vibrate."""
+        assert self.vibrations is not None
+        resting = self.vibrations.resting
+        return signals_of(resting.drive, self.world, resting.baseline)
+
+    @cached_property
+    def _swing(self) -> Swing:
+        """How the arm vibrates, where both it and the arm at rest are known."""
+        assert self.vibrations is not None
+        still = self.vibrations.resting.baseline
+        *_, stable = self._strain_stiffness
+        return Swing.of(
+            self.session.clock, self.arm.baseline.strains, still.strains, stable & still.converged
+        )
 
     @cached_property
     def by_drive(self) -> dict[str, Floats]:
