@@ -288,7 +288,15 @@ def test_an_effect_on_the_stiffness_begins_at_the_size_that_explains_most(librar
 
 def test_effects_detune_an_arm_if_they_change_its_stiffness_or_what_it_stands_on():
     detuning = {name for name, effect in EFFECTS.items() if effect.detunes}
-    assert detuning == {"segment_stiffness", "thermal_drift", "base_compliance"}
+    laws = {
+        "material_softening",
+        "material_stiffening",
+        "mullins_softening",
+        "viscoelastic_creep",
+        "hysteresis",
+    }
+    stiffness = {"segment_stiffness", "thermal_drift", "local_stiffness_defect", "base_compliance"}
+    assert detuning == laws | stiffness
 
 
 def test_sizes_are_tried_within_bounds_and_leave_shapes_alone():

@@ -431,7 +431,7 @@ class Stage:
         other = self.vibrations.altered(modal, placed.spot, stiffness)
         if placed.effect.only_vibrates:
             change = np.zeros_like(change)
-        elif placed.field == "eigenstrains":
+        elif placed.effect.detunes:
             # An arm of another stiffness vibrates about what changes at rest.
             at_rest, _ = placed.change(self._signals_at_rest)
             if stiffness is None:

@@ -272,7 +272,8 @@ class Effect:
     @property
     def detunes(self) -> bool:
         """Whether it changes how stiff the vibrating arm, or what it stands on, is."""
-        return self.stiffness is not None or self.modal(self.typical).base_compliance > 0.0
+        material = self.hook == "constitutive" and not (self.driven or self.only_vibrates)
+        return material or self.modal(self.typical).base_compliance > 0.0
 
     @property
     def neutral(self) -> Floats:
