@@ -276,14 +276,18 @@ def test_an_effect_on_the_stiffness_begins_at_the_size_that_explains_most(librar
     search = SimpleNamespace(
         evidence=SimpleNamespace(library=Library(hypotheses, library.directions[:0])),
         bic_penalty=6.0,
+        starts={},
     )
     gains = {2.0 * typical: 200.0, typical: 110.0}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(choose, "gain_of", lambda _, __, thetas, *, exact: gains.get(thetas[0][0], -700.0))
         ranked, problem = [(0, 120.0, np.ones(1)), (1, 76.0, np.ones(1))], cast("Any", None)
         found = Search.at_size(cast("Any", search), ranked, problem)
+        gains[typical] = 900.0
+        again = Search.at_size(cast("Any", search), ranked, problem)
     assert [(number, score) for number, score, _ in found] == [(1, 194.0), (0, 120.0)]
     assert found[0][2].tolist() == [2.0 * typical]
+    assert [score for _, score, _ in again] == [194.0, 120.0]  # beside others it begins where it began before
 
 
 def test_effects_detune_an_arm_if_they_change_its_stiffness_or_what_it_stands_on():

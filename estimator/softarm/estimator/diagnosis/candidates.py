@@ -35,6 +35,11 @@ class Candidate:
     fit: Fit
     delta_bic: float
 
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of its own parameters that were fitted."""
+        return self.fit.hypotheses[-1].effect.degrees_of_freedom
+
 
 @dataclass(frozen=True)
 class Accepted:
@@ -114,7 +119,7 @@ def is_distinguishable(fit: Fit, number: int) -> bool:
     precision = np.linalg.inv(covariance)[np.ix_(size, size)]
     ratio = float(values[size] @ precision @ values[size])
     # A quantile of chi-square.
-    by_chance = 2.0 * float(gammainccinv(0.5 * len(theta), 2.0 * ndtr(-SIGNIFICANT_Z)))
+    by_chance = 2.0 * float(gammainccinv(0.5 * effect.degrees_of_freedom, 2.0 * ndtr(-SIGNIFICANT_Z)))
     return ratio >= by_chance
 
 

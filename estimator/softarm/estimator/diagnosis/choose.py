@@ -16,7 +16,6 @@ from softarm.estimator.diagnosis.candidates import (
     is_distinguishable,
     plainest_first,
     restates,
-    surprise,
 )
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.excursions import excursions_of, samples_near_one_pose
@@ -84,6 +83,7 @@ class Search:
         kept: Residuals under fits that were asked for.
         products: Normal equations of these.
         folded: Folds of the searched stretches, by the fit that was asked for.
+        starts: Where fits of effects that detune the arm begin, by their number.
         tried: Candidates by their number and what was accepted before them.
         settled: Those of them that have been fitted on the model itself, whichever fit was kept.
         predictions: How well folds are predicted, by the candidate's fit and what was accepted before it.
@@ -101,6 +101,7 @@ class Search:
     kept: dict[tuple[object, ...], list[Floats]] = field(default_factory=dict, compare=False)
     products: dict[tuple[object, ...], list[NormalEquations]] = field(default_factory=dict, compare=False)
     folded: dict[tuple[object, ...], Folds] = field(default_factory=dict, compare=False)
+    starts: dict[int, list[Floats]] = field(default_factory=dict, compare=False)
     tried: dict[tuple[object, ...], Candidate | None] = field(default_factory=dict, compare=False)
     settled: set[tuple[object, ...]] = field(default_factory=set, compare=False)
     predictions: dict[tuple[object, ...], FoldCosts] = field(default_factory=dict, compare=False)
@@ -146,16 +147,20 @@ class Search:
         """Rank effects that detune the arm by what they explain at some size, and begin their fits there.
 
         A stiffer arm vibrates faster, and one on a compliant base slower. What that changes is soon out of
-        step, so that a slope at zero hardly predicts a large change, even what it does at rest.
+        step, so that a slope at zero hardly predicts a large change, even what it does at rest. The size that
+        explained most at first is the only one that is tried beside accepted effects.
         """
         placed = []
         for number, score, theta in ranked:
-            hypothesis = self.evidence.library.hypotheses[number]
+            effect = (hypothesis := self.evidence.library.hypotheses[number]).effect
             best = score, theta
-            if hypothesis.effect.detunes:
-                for start in sizes_of(hypothesis.effect.parameters, theta):
-                    gain = gain_of(problem, (hypothesis,), (start,), exact=False)
-                    best = max(best, (gain - self.bic_penalty * len(start), start), key=lambda one: one[0])
+            if effect.detunes:
+                price = self.bic_penalty * effect.degrees_of_freedom
+                starts = self.starts.get(number) or sizes_of(effect.parameters, theta)
+                gains = [gain_of(problem, (hypothesis,), (start,), exact=False) for start in starts]
+                most = int(np.argmax(gains))
+                self.starts.setdefault(number, [starts[most]])
+                best = max(best, (gains[most] - price, starts[most]), key=lambda one: one[0])
             placed.append((number, *best))
         return sorted(placed, key=lambda entry: -entry[1])
 
@@ -256,7 +261,7 @@ class Search:
     ) -> Candidate | None:
         """Fit a hypothesis to first order beside what is accepted; ``None`` where that fails."""
         try:
-            fit = fit_laws(problem, (self.evidence.library.hypotheses[number],), (theta,))
+            fit = fit_effects(problem, (self.evidence.library.hypotheses[number],), (theta,))
             fit = self.conditioned(fit) if accepted is None else fit
         except np.linalg.LinAlgError:
             return None
@@ -264,20 +269,23 @@ class Search:
 
     def weighed(self, number: int, fit: Fit, accepted: Fit | None) -> Candidate:
         """Set the gain of a fit, beside what nominal recordings have of it, against its parameters."""
-        theta = fit.thetas[-1]
         candidate = Candidate(number, fit, -np.inf)
         gain = (
             self.predicted(candidate, accepted).changed_gain if self.has_background(candidate) else fit.gain
         )
-        return replace(candidate, delta_bic=gain - self.bic_penalty * len(theta) - surprise(fit))
+        return replace(candidate, delta_bic=gain - spent(candidate, self.bic_penalty))
 
     def resolved(self, candidate: Candidate, problem: MarginalisedProblem, accepted: Fit | None) -> Candidate:
-        """Fit a candidate again on the model itself; keep what fits better.
+        """Fit a candidate again by its other laws, and on the model itself; keep what fits better.
 
         A strong effect brings the arm to where nominal recordings have not been: there the model may err more
         than its linearisation does.
         """
         fit = candidate.fit
+        if fit.hypotheses[-1].effect.choices and not fit.exact:
+            best = fit_laws(problem, fit.hypotheses, fit.thetas)
+            if best.gain > fit.gain:
+                candidate, fit = self.weighed(candidate.number, best, accepted), best
         if not self.solvable(fit) or fit.exact:
             return candidate
         if abs(gain_of(problem, fit.hypotheses, fit.thetas) - fit.gain) < ALIKE:
@@ -591,7 +599,7 @@ class Search:
 
     def worth(self, fit: Fit) -> float:
         """Return what all effects of a fit gain in the criterion."""
-        return fit.gain - self.bic_penalty * sum(len(theta) for theta in fit.thetas)
+        return fit.gain - self.bic_penalty * fit.degrees_of_freedom
 
     def without(self, choice: ChosenEffects, dropped: Sequence[int]) -> ChosenEffects:
         """Take effects back, and fit the others again."""

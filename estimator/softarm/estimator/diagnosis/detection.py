@@ -46,7 +46,7 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
             continue
         effect = library.hypotheses[direction.hypothesis].effect
         column_index = evidence.nuisances + column
-        least = required_gain(search.bic_penalty, len(effect.parameters), chance, explainable)
+        least = required_gain(search.bic_penalty, effect.degrees_of_freedom, chance, explainable)
         spread = effect.parameters[direction.parameter].spread / direction.typical
         size = limit(float(marginal.matrix[column_index, column_index]), least, spread) * direction.typical
         sizes.setdefault((direction.hypothesis, direction.parameter), []).append(size)

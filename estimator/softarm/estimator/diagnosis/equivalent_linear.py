@@ -54,6 +54,11 @@ class Resistance:
     stiffness: float
     damping_time: float
 
+    @property
+    def bends(self) -> slice:
+        """Where its bends are among the strains of all segments."""
+        return slice(4 * self.segment, 4 * self.segment + 2)
+
 
 def resistances(
     swing: Swing, change: Floats, change_at_rest: Floats, segments: Flags, least_damping: float
@@ -70,7 +75,7 @@ def resistances(
         change: What the law changes of the strains of the vibrating arm, shape (samples, segments, 4).
         change_at_rest: The same of the arm at rest.
         segments: Which segments the law changes, shape (segments,).
-        least_damping: Damping time that a segment has at least [s], for an arm that must not gain energy.
+        least_damping: What is added to the damping over the stiffness at least [s], lest the arm gain energy.
 
     Returns:
         How each of these segments resists, and the change of the strains without that answer, of the shape of
@@ -78,21 +83,12 @@ def resistances(
     """
     left, found = change.copy(), []
     for k in np.flatnonzero(segments):
-        motion = np.stack([swing.bends[:, k].ravel(), swing.rates[:, k].ravel()], axis=-1)
-        answer = (change - change_at_rest)[:, k, :2].ravel()
-        known = np.isfinite(answer)
-        slope, lag = np.linalg.lstsq(motion[known], answer[known])[0].tolist()
+        motion = np.stack([swing.bends[:, k].ravel(), swing.rates[:, k].ravel()])
+        answer = np.nan_to_num(change[:, k, :2] - change_at_rest[:, k, :2]).ravel()
+        slope, lag = (np.linalg.pinv(motion @ motion.T, hermitian=True) @ (motion @ answer)).tolist()
         stiffness = float(np.clip(1.0 / max(1.0 + slope, 1.0 / STIFFEST), SOFTEST, STIFFEST))
-        damping = max(-lag * stiffness, least_damping)
-        left[:, k, :2] -= (1.0 / stiffness - 1.0) * swing.bends[:, k] - damping / stiffness * swing.rates[
-            :, k
-        ]
+        damping = max(-lag * stiffness, least_damping / stiffness)
+        slope, lag = 1.0 / stiffness - 1.0, -damping / stiffness
+        left[:, k, :2] -= slope * swing.bends[:, k] + lag * swing.rates[:, k]
         found.append(Resistance(int(k), stiffness, damping))
     return tuple(found), left
-
-
-def bends_of(resistance: Resistance, segments: int) -> Flags:
-    """Mark the bends of a segment among the strains of all, shape (4 segments,)."""
-    marked = np.zeros(4 * segments, dtype=bool)
-    marked[4 * resistance.segment : 4 * resistance.segment + 2] = True
-    return marked

@@ -172,6 +172,11 @@ class Fit:
         """Whether an amplitude of any effect is at a bound that is not its neutral value."""
         return any(self.is_bounded(number) for number in range(len(self.thetas)))
 
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of the parameters of all effects that were fitted."""
+        return sum(hypothesis.effect.degrees_of_freedom for hypothesis in self.hypotheses)
+
     def is_bounded(self, number: int) -> bool:
         """Return whether an amplitude of one effect is at a bound that is not its neutral value."""
         own = Parametrisation.of((self.hypotheses[number],))

@@ -51,7 +51,7 @@ def probabilities(
     both = list(zip(candidates, costs, strict=True))
     found = [density(one, own, bic_penalty) + 0.5 * own.usual for one, own in both]
     # Without a change, an arm may have some of one of them as usual: its shape was fitted as well.
-    shapes = [bic_penalty * (len(one.fit.thetas[-1]) - 1) for one in candidates]
+    shapes = [bic_penalty * (one.degrees_of_freedom - 1) for one in candidates]
     usual = [0.5 * (own.usual - cost / len(own.usual)) for own, cost in zip(costs, shapes, strict=True)]
     none = max([np.zeros_like(found[0]), *usual], key=lambda before: float(before.sum()))
     densities = np.column_stack([*found, none])
@@ -89,7 +89,7 @@ def density(candidate: Candidate, costs: FoldCosts, bic_penalty: float) -> Float
 
 def spent(candidate: Candidate, bic_penalty: float) -> float:
     """Return what a candidate's parameters cost: all folds have fitted them, and their size may surprise."""
-    return bic_penalty * len(candidate.fit.thetas[-1]) + surprise(candidate.fit)
+    return bic_penalty * candidate.degrees_of_freedom + surprise(candidate.fit)
 
 
 def pseudo_bma(densities: Floats, rng: np.random.Generator) -> Floats:

@@ -41,7 +41,7 @@ def screen(
         gain, values = marginal.gain(numbers)
         effect = evidence.library.hypotheses[number].effect
         theta, allowed = _start(effect.parameters, [directions[c] for c in columns], values)
-        score = (gain if allowed else 0.0) - bic_penalty * len(effect.parameters)
+        score = (gain if allowed else 0.0) - bic_penalty * effect.degrees_of_freedom
         if number not in best or score > best[number][0]:
             best[number] = (score, theta)
     ranked = [(number, score, theta) for number, (score, theta) in best.items()]
@@ -75,8 +75,8 @@ def null_scores(evidence: RegressionProblem, marginal: Marginal, rng: np.random.
         scaled = block / np.outer(size, size) + 1e-6 * np.eye(len(numbers))
         whitened = drawn[:, [k - first for k in numbers]] / size
         gains = (whitened * np.linalg.solve(scaled, whitened.T).T).sum(axis=1)
-        parameters = len(evidence.library.hypotheses[number].effect.parameters)
-        best = np.maximum(best, gains - bic_penalty * parameters)
+        effect = evidence.library.hypotheses[number].effect
+        best = np.maximum(best, gains - bic_penalty * effect.degrees_of_freedom)
     return best
 
 

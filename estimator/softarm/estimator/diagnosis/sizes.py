@@ -256,7 +256,8 @@ def fragments(search: Search, fit: Fit) -> dict[int, float]:
     problem, found = search.problem(), {}
     for number in weighed:
         beside = gain_beside_law_errors(problem, fit, number)
-        least = min(search.contribution(fit, number), beside - search.bic_penalty * len(fit.thetas[number]))
+        price = search.bic_penalty * fit.hypotheses[number].effect.degrees_of_freedom
+        least = min(search.contribution(fit, number), beside - price)
         if least < DECIDES:
             found[number] = least
     return found

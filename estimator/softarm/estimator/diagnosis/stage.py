@@ -9,7 +9,7 @@ import numpy as np
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Prediction
-from softarm.estimator.diagnosis.equivalent_linear import Resistance, Swing, bends_of, resistances
+from softarm.estimator.diagnosis.equivalent_linear import Resistance, Swing, resistances
 from softarm.estimator.diagnosis.exact_model import ExactModel
 from softarm.estimator.diagnosis.recent import Recent
 from softarm.estimator.diagnosis.session import Session
@@ -108,12 +108,13 @@ class Vibrations:
 
     def resisted(self, resistances: Sequence[Resistance]) -> VibratingArm:
         """Return the arm whose segments resist in another way."""
-        other, samples = self.arm, len(self.still)
+        strains = self.still.shape[1]
+        stiffness, damping_times = np.ones((strains, strains)), np.zeros((strains, strains))
         for one in resistances:
-            bends = bends_of(one, self.still.shape[1] // 4)
-            other = other.stiffer(bends, np.full(samples, one.stiffness))
-            other = other.slower(bends, 0.0, one.damping_time)
-        return other
+            bends = one.bends, one.bends
+            stiffness[bends] = one.stiffness
+            damping_times[bends] = one.damping_time * one.stiffness
+        return self.arm.resisting(stiffness, damping_times)
 
     def rocked(self, rotation: Floats, compliance: float, masses: Floats) -> tuple[Floats, Floats]:
         """Return what a compliant base changes while the arm vibrates.

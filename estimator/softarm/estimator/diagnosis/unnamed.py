@@ -238,7 +238,7 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     densities = [_log_densities(shown.shown, shown.known, shown.changed) - nothing, np.zeros_like(nothing)]
     named_gain = 0.0
     if fit is not None:
-        price = 0.5 * search.bic_penalty * (sum(map(len, fit.thetas)) - 1) / len(nothing)
+        price = 0.5 * search.bic_penalty * (fit.degrees_of_freedom - 1) / len(nothing)
         joint = _with_effects(search, shown, fit)
         named = joint.selected([*range(len(shown.known.mean)), len(shown.changed.mean)])
         effects = _log_densities(named, shown.known, shown.known.augment(0.0, ANY_SIZE)) - price - nothing

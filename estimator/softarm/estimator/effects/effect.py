@@ -276,6 +276,16 @@ class Effect:
         return material or self.modal(self.typical).base_compliance > 0.0
 
     @property
+    def choices(self) -> bool:
+        """Whether it acts by one of several laws."""
+        return any(parameter.choices for parameter in self.parameters)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Number of the parameters that a fit moves: a choice between laws is none."""
+        return sum(not parameter.choices for parameter in self.parameters)
+
+    @property
     def neutral(self) -> Floats:
         """Parameters with which it does nothing, shape (parameters,)."""
         return np.array([0.0 if p.role == "amplitude" else p.typical for p in self.parameters])

@@ -198,5 +198,10 @@ HYSTERESIS = Effect(
         ("line_lag", "ramps of 10 and 100 s against measured pressures"),
     ),
     when="direction of change",
-    shapes=tuple((reach, fibres, 0.0) for fibres in (0.0, 1.0) for reach in (0.03, 0.1, 0.3)),
+    shapes=tuple(
+        (reach, fibres, abrupt)
+        for fibres in (0.0, 1.0)
+        for abrupt in (0.0, 1.0)
+        for reach in (0.03, 0.1, 0.3)
+    ),
 )

@@ -156,6 +156,16 @@ class StrainDynamics:
         more = (factor - 1.0)[:, None, None] * self.stiffness * np.outer(strains, strains)
         return replace(self, stiffness=self.stiffness + more, damped=self.damped_stiffness)
 
+    def resisting(self, stiffness: Floats, damping_times: Floats) -> "StrainDynamics":
+        """Return the matrices of an arm whose strains resist otherwise, and damp by more.
+
+        Args:
+            stiffness: Factors on the stiffness, shape (strains, strains).
+            damping_times: What is added to the damping, over the stiffness of before [s], of the same shape.
+        """
+        drag = damping_times * self.stiffness + (0.0 if self.drag is None else self.drag)
+        return replace(self, stiffness=stiffness * self.stiffness, damped=self.damped_stiffness, drag=drag)
+
     def on_a_base(self, compliance: float, by_rotation: Floats, restoring: Floats) -> "StrainDynamics":
         """Return the matrices of an arm on a compliant base, whose rotations are two more coordinates.
 
@@ -256,6 +266,10 @@ class VibratingArm:
     def on_a_base(self, compliance: float, by_rotation: Floats, restoring: Floats) -> "VibratingArm":
         """Return it on a compliant base; see ``StrainDynamics.on_a_base``."""
         return replace(self, dynamics=self.dynamics.on_a_base(compliance, by_rotation, restoring))
+
+    def resisting(self, stiffness: Floats, damping_times: Floats) -> "VibratingArm":
+        """Return it with strains that resist otherwise; see ``StrainDynamics.resisting``."""
+        return replace(self, dynamics=self.dynamics.resisting(stiffness, damping_times))
 
     def stiffer(self, strains: Flags, factor: Floats) -> "VibratingArm":
         """Return it with another stiffness of some strains; see ``StrainDynamics.stiffer``."""
