@@ -368,18 +368,18 @@ def slopes_of(
         exact: Whether the model itself is solved.
 
     Returns:
-        Of each session, shape (samples * rows, parameters).
+        Of each session, shape (samples * rows, parameters); zero for choices between laws.
     """
-    columns: list[list[Floats]] = [[] for _ in problem.residuals]
+    slopes = [np.zeros((len(here), len(values))) for here in change]
     size = EXACT_STEP if exact else STEP
-    for index in range(len(values)):
+    for index in np.flatnonzero(~parametrisation.choices):
         moved = values.copy()
         step = -size if values[index] + size > parametrisation.upper[index] else size
         moved[index] += step
         there = whitened(problem, hypotheses, parametrisation.split(moved), exact=exact)
-        for slopes, ahead, here in zip(columns, there, change, strict=True):
-            slopes.append((ahead - here) / step)
-    return [np.concatenate(slopes, axis=1) for slopes in columns]
+        for slope, ahead, here in zip(slopes, there, change, strict=True):
+            slope[:, index] = (ahead - here)[:, 0] / step
+    return slopes
 
 
 @dataclass(frozen=True)
