@@ -6,7 +6,15 @@ from typing import cast
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis.fit import MarginalisedProblem, RecordingResidual, fit_effects, fit_laws
+from softarm.estimator.diagnosis.fit import (
+    MarginalisedProblem,
+    Parametrisation,
+    RecordingResidual,
+    fit_effects,
+    fit_laws,
+    slopes_of,
+    whitened,
+)
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import normal_equations, total
@@ -132,3 +140,18 @@ def test_no_fit_moves_a_choice_and_each_is_tried(relaxed: float, start: float):
     assert kept.thetas[0][2] == start
     assert best.thetas[0][[0, 2]].tolist() == pytest.approx([0.3, relaxed], rel=1e-2)
     assert best.stds(0)[2] == 0.0
+    assert best.degrees_of_freedom == 2
+
+
+def test_slopes_are_of_what_a_fit_moves():
+    """A choice between laws is no quantity: a law that is a little another one would be a third."""
+    effect = Hypothesis(EFFECTS["viscoelastic_creep"], Place())
+    blank = np.zeros((SHAPE.size, 1), dtype=np.float32)
+    view = RecordingResidual(cast("Stage", Creeping()), SHAPE, np.ones(SHAPE.shape), blank)
+    none = MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total([], 1))
+    parametrisation = Parametrisation.of((effect,))
+    values = parametrisation.units(np.array([0.3, 5.0, 0.0]))
+    change = whitened(none, (effect,), parametrisation.split(values), exact=False)
+    (slopes,) = slopes_of(none, (effect,), parametrisation, values, change)
+    assert np.abs(slopes[:, 0]).max() > 0.0
+    assert not slopes[:, 2].any()
