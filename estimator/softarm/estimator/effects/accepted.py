@@ -58,5 +58,8 @@ def _values(effect: Effect, entry: Physics) -> list[float]:
         if not parameter.lower <= given.value <= parameter.upper:
             allowed = f"give {parameter.lower:g} to {parameter.upper:g} {unit}"
             raise InputError(where, f"{given.value:g} is out of bounds", allowed)
+        if parameter.choices and given.value not in parameter.choices:
+            laws = " or ".join(f"{choice:g}" for choice in parameter.choices)
+            raise InputError(where, f"{given.value:g} stands for no law", f"give {laws}")
         values.append(given.value)
     return values
