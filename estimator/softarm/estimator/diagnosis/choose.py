@@ -282,7 +282,7 @@ class Search:
         than its linearisation does.
         """
         fit = candidate.fit
-        if fit.hypotheses[-1].effect.choices and not fit.exact:
+        if fit.hypotheses[-1].effect.has_choices and not fit.exact:
             best = fit_laws(problem, fit.hypotheses, fit.thetas)
             if best.gain > fit.gain:
                 candidate, fit = self.weighed(candidate.number, best, accepted), best

@@ -276,7 +276,7 @@ class Effect:
         return material or self.modal(self.typical).base_compliance > 0.0
 
     @property
-    def choices(self) -> bool:
+    def has_choices(self) -> bool:
         """Whether it acts by one of several laws."""
         return any(parameter.choices for parameter in self.parameters)
 
