@@ -101,6 +101,19 @@ def test_only_the_chosen_strains_are_stiffer():
     assert np.array_equal(stiffer.stiffness[1, :4], usual.stiffness[1, :4])
 
 
+def test_factors_on_single_entries_scale_the_stiffness_and_damp_in_proportion():
+    usual, bends = dynamics(TIP), np.array([False] * 4 + [True] * 2 + [False] * 2)
+    factors, times = np.ones((8, 8)), np.zeros((8, 8))
+    factors[4:6, 4:6], times[4:6, 4:6] = 1.5, 1.5 * 0.2
+    scaled = usual.scaled(factors, times)
+    both = usual.stiffer(bends, np.array([1.5])).slower(bends, 0.0, 0.2)
+    assert both.drag is not None
+    assert scaled.drag is not None
+    assert np.allclose(scaled.stiffness, both.stiffness)
+    assert np.allclose(scaled.drag, both.drag)
+    assert np.array_equal(scaled.damped_stiffness, usual.stiffness)
+
+
 def test_only_the_chosen_strains_are_slower():
     usual = dynamics(TIP)
     slower = usual.slower(np.repeat([False, True], 4), 0.1, 0.2)

@@ -9,7 +9,7 @@ import numpy as np
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Prediction
-from softarm.estimator.diagnosis.equivalent_linear import Resistance, Swing, resistances
+from softarm.estimator.diagnosis.equivalent_linearisation import BendVibration, EquivalentSegment, linearise
 from softarm.estimator.diagnosis.exact_model import ExactModel
 from softarm.estimator.diagnosis.recent import Recent
 from softarm.estimator.diagnosis.session import Session
@@ -106,15 +106,15 @@ class Vibrations:
         other = other.slower(segments, modal.inertia_time, modal.damping_time)
         return other if stiffness is None else other.stiffer(segments, stiffness)
 
-    def resisted(self, resistances: Sequence[Resistance]) -> VibratingArm:
-        """Return the arm whose segments resist in another way."""
+    def with_segments(self, segments: Sequence[EquivalentSegment]) -> VibratingArm:
+        """Return the arm with some segments of another stiffness and damping."""
         strains = self.still.shape[1]
         stiffness, damping_times = np.ones((strains, strains)), np.zeros((strains, strains))
-        for one in resistances:
+        for one in segments:
             bends = one.bends, one.bends
-            stiffness[bends] = one.stiffness
-            damping_times[bends] = one.damping_time * one.stiffness
-        return self.arm.resisting(stiffness, damping_times)
+            stiffness[bends] = one.stiffness_factor
+            damping_times[bends] = one.damping_time * one.stiffness_factor
+        return self.arm.scaled(stiffness, damping_times)
 
     def rocked(self, rotation: Floats, compliance: float, masses: Floats) -> tuple[Floats, Floats]:
         """Return what a compliant base changes while the arm vibrates.
@@ -437,8 +437,8 @@ class Stage:
             at_rest, _ = placed.change(self._signals_at_rest)
             if stiffness is None:
                 least = -self.vibrations.arm.damping[1]
-                answers, change = resistances(self._swing, change, at_rest, placed.spot.segments, least)
-                other = self.vibrations.resisted(answers)
+                segments, change = linearise(self._vibration, change, at_rest, placed.spot.segments, least)
+                other = self.vibrations.with_segments(segments)
             else:
                 change = at_rest
         return self._moved(placed.field, change.reshape(drive.samples, -1), other)
@@ -498,12 +498,12 @@ class Stage:
         return signals_of(resting.drive, self.world, resting.baseline)
 
     @cached_property
-    def _swing(self) -> Swing:
+    def _vibration(self) -> BendVibration:
         """How the arm vibrates, where both it and the arm at rest are known."""
         assert self.vibrations is not None
         still = self.vibrations.resting.baseline
         *_, stable = self._strain_stiffness
-        return Swing.of(
+        return BendVibration.of(
             self.session.clock, self.arm.baseline.strains, still.strains, stable & still.converged
         )
 

@@ -156,8 +156,8 @@ class StrainDynamics:
         more = (factor - 1.0)[:, None, None] * self.stiffness * np.outer(strains, strains)
         return replace(self, stiffness=self.stiffness + more, damped=self.damped_stiffness)
 
-    def resisting(self, stiffness: Floats, damping_times: Floats) -> "StrainDynamics":
-        """Return the matrices of an arm whose strains resist otherwise, and damp by more.
+    def scaled(self, stiffness: Floats, damping_times: Floats) -> "StrainDynamics":
+        """Return the matrices of an arm with other entries of the stiffness, and more damping.
 
         Args:
             stiffness: Factors on the stiffness, shape (strains, strains).
@@ -267,9 +267,9 @@ class VibratingArm:
         """Return it on a compliant base; see ``StrainDynamics.on_a_base``."""
         return replace(self, dynamics=self.dynamics.on_a_base(compliance, by_rotation, restoring))
 
-    def resisting(self, stiffness: Floats, damping_times: Floats) -> "VibratingArm":
-        """Return it with strains that resist otherwise; see ``StrainDynamics.resisting``."""
-        return replace(self, dynamics=self.dynamics.resisting(stiffness, damping_times))
+    def scaled(self, stiffness: Floats, damping_times: Floats) -> "VibratingArm":
+        """Return it with another stiffness and damping; see ``StrainDynamics.scaled``."""
+        return replace(self, dynamics=self.dynamics.scaled(stiffness, damping_times))
 
     def stiffer(self, strains: Flags, factor: Floats) -> "VibratingArm":
         """Return it with another stiffness of some strains; see ``StrainDynamics.stiffer``."""
