@@ -170,6 +170,18 @@ def test_a_lost_gain_is_no_ceiling(hold: float) -> None:
     assert not ceilings_of([_ramped(hold, lambda asked: 0.88 * asked)])
 
 
+def test_a_sample_between_two_set_points_shows_no_ceiling() -> None:
+    """A dead band takes 3.4 kPa off all pressures; before these fall, one sample of the set-point is lower."""
+    asked = np.where(TIME < 20.0, 20e3, np.where(TIME < 40.0, 39e3, 5e3))
+    given = first_order(TIME, asked - 3.4e3, 0.05, ())[0] + np.random.default_rng(4).normal(
+        0.0, 30.0, len(TIME)
+    )
+    fall = int(np.argmax(TIME >= 40.0))
+    asked[fall], given[fall] = 36.5e3, given[fall - 1]
+    recording = Recording("held", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
+    assert not ceilings_of([recording])
+
+
 def test_a_valve_that_was_never_held_tells_no_bias() -> None:
     held = _recording("known", law=(-700.0, 0.0, 0.0, np.inf))
     asked = 20e3 * (1.0 - np.cos(2.0 * np.pi * TIME / 20.0))

@@ -25,6 +25,8 @@ SETTLED = 0.8
 """Seconds after a change at which a valve has settled; half of a short hold if its pressure then rests."""
 AT_REST = 100.0
 """Pressures that change by less between the halves of what is left of a short hold rest [Pa]."""
+FEW = 5
+"""Samples that are averaged at least."""
 STEP = 2000.0
 """Change of a set-point [Pa] from one sample to the next that is a step."""
 LAGS = np.array([0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13, 0.17, 0.22, 0.3, 0.4, 0.55, 0.75])
@@ -160,7 +162,7 @@ def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Fl
     for run in np.split(np.arange(len(time)), changes):
         lasted = float(time[run[-1]] - time[run[0]])
         hold = run[time[run] >= time[run[0]] + min(SETTLED, 0.5 * lasted)]
-        if len(hold) < 5 or float(time[hold[-1]] - time[hold[0]]) <= 0.1:
+        if len(hold) < FEW or float(time[hold[-1]] - time[hold[0]]) <= 0.1:
             continue
         late = hold[time[hold] > 0.5 * (time[hold[0]] + time[hold[-1]])]
         if lasted > 2.0 * SETTLED or _unrest(measured[late]) < AT_REST:
@@ -184,11 +186,12 @@ def _rests_below(
     """
     for begin, end in runs(setpoint > highest):
         late = np.arange(begin, end)[time[begin:end] >= time[begin] + SETTLED]
-        if len(late) < 5 or _unrest(measured[late]) >= AT_REST:
+        if len(late) < FEW or _unrest(measured[late]) >= AT_REST:
             continue
         above = setpoint[late] > 0.5 * (setpoint[late].min() + setpoint[late].max())
-        if above.any() and not above.all():
-            lower, upper = late[~above], late[above]
+        lower, upper = late[~above], late[above]
+        # Between two set-points a sample may lie that no pressure has followed yet.
+        if min(len(lower), len(upper)) >= FEW:
             yield (
                 np.array([setpoint[lower].mean(), setpoint[upper].mean()]),
                 np.array([measured[lower].mean(), measured[upper].mean()]),
