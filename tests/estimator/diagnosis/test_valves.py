@@ -171,7 +171,7 @@ def test_a_lost_gain_is_no_ceiling(hold: float) -> None:
 
 
 def test_a_sample_between_two_set_points_shows_no_ceiling() -> None:
-    """A dead band takes 3.4 kPa off all pressures; before these fall, one sample of the set-point is lower."""
+    """A dead band takes 3.4 kPa off each pressure; before a fall, one sample of the set-point is lower."""
     asked = np.where(TIME < 20.0, 20e3, np.where(TIME < 40.0, 39e3, 5e3))
     given = first_order(TIME, asked - 3.4e3, 0.05, ())[0] + np.random.default_rng(4).normal(
         0.0, 30.0, len(TIME)
