@@ -785,12 +785,12 @@ def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(better
     ]
 
 
-def confirming(left: float) -> list[NormalEquations]:
-    """Stretches that confirm, with residuals of a size."""
+def confirming(*left: float) -> list[NormalEquations]:
+    """Stretches that confirm, with residuals of these sizes in turn."""
     found = []
     for number in range(8):
         rng = np.random.default_rng([11, number])
-        residual = left + rng.normal(size=(SAMPLES, 1))
+        residual = left[number % len(left)] + rng.normal(size=(SAMPLES, 1))
         held = np.ones(SAMPLES, dtype=bool)
         blocks, none = np.zeros(SAMPLES, dtype=int), np.zeros(SAMPLES, dtype=bool)
         columns = rng.normal(size=(SAMPLES, 1, 1))
@@ -798,8 +798,22 @@ def confirming(left: float) -> list[NormalEquations]:
     return found
 
 
-@pytest.mark.parametrize(("useful", "shown", "lost"), [(True, 1.0, []), (False, 1.0, [0]), (False, 0.0, [])])
-def test_an_effect_has_to_predict_the_confirming_stretches_if_it_would_show_there(useful, shown, lost):
+MOSTLY_WORSE = ((2.0, *[0.0] * 7), (0.0, *[0.4] * 7))
+"""Residuals without and with an effect that shows in one stretch of eight."""
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "shown", "lost"),
+    [
+        ((1.0,), (0.0,), 1.0, []),
+        ((1.0,), (1.0,), 1.0, [0]),
+        ((1.0,), (1.0,), 0.0, []),
+        (*MOSTLY_WORSE, 0.5, []),
+        (*MOSTLY_WORSE, 1.0, [0]),
+    ],
+)
+def test_an_effect_has_to_predict_the_confirming_stretches_if_it_would_show_there(before, after, shown, lost):
+    """All together as well as its size says, or any that are drawn better than without it."""
     fit = fit_of("tip_payload", 0.02)
 
     def products(weights, more, parts, left):
@@ -809,7 +823,7 @@ def test_an_effect_has_to_predict_the_confirming_stretches_if_it_would_show_ther
         return [new for own in parts for new in with_columns([own], left, common, change, np.ones(1), none)]
 
     search = SimpleNamespace(
-        parts=lambda own: confirming(1.0 if own is None or not useful else 0.0),
+        parts=lambda own: confirming(*(before if own is None else after)),
         prior=Gaussian(np.zeros(1), 1e-4 * np.eye(1)),
         weights=SimpleNamespace(effective_sample_fraction=1.0),
         evidence=SimpleNamespace(size=1, with_columns=products),

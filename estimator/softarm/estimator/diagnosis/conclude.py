@@ -209,7 +209,9 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
 
     Judged like folds in ``Search.judge``: the prior of the calibration is that from before these recordings.
     What would hardly show in these data, as a wall that is not reached there, is not judged by them; nor is
-    it by the stretches of a resampling in which an effect that acts may by chance gain less than nothing.
+    it by the stretches of a resampling in which an effect that acts may by chance gain less than nothing. An
+    effect with which all of them together are predicted as much better as its size says is confirmed, even if
+    that rests on few: a mass shows where the mount is turned.
 
     Args:
         search: The search.
@@ -229,7 +231,7 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
         ]
         whole = _gain(search, before, after, range(len(after)))
         better = whole > NOTHING and float(np.percentile(drawn, sure)) > -NOTHING
-        return not better and float(expected.sum()) > SHOWN
+        return not better and SHOWN < float(expected.sum()) > whole
 
     every = list(range(len(choice.accepted)))
     if not after:
