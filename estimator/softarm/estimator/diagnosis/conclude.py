@@ -231,7 +231,7 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
         ]
         whole = _gain(search, before, after, range(len(after)))
         better = whole > NOTHING and float(np.percentile(drawn, sure)) > -NOTHING
-        return not better and SHOWN < float(expected.sum()) > whole
+        return not better and float(expected.sum()) > max(SHOWN, whole)
 
     every = list(range(len(choice.accepted)))
     if not after:

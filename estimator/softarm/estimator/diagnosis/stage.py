@@ -432,15 +432,14 @@ class Stage:
         other = self.vibrations.altered(modal, placed.spot, stiffness)
         if placed.effect.only_vibrates:
             change = np.zeros_like(change)
-        elif placed.effect.detunes:
+        elif stiffness is not None:
             # An arm of another stiffness vibrates about what changes at rest.
+            change, _ = placed.change(self._signals_at_rest)
+        elif placed.effect.detunes:
             at_rest, _ = placed.change(self._signals_at_rest)
-            if stiffness is None:
-                least = -self.vibrations.arm.damping[1]
-                segments, change = linearise(self._vibration, change, at_rest, placed.spot.segments, least)
-                other = self.vibrations.with_segments(segments)
-            else:
-                change = at_rest
+            least = -self.vibrations.arm.damping[1]
+            segments, change = linearise(self._vibration, change, at_rest, placed.spot.segments, least)
+            other = self.vibrations.with_segments(segments)
         return self._moved(placed.field, change.reshape(drive.samples, -1), other)
 
     def first_order_of_many(self, effects: Sequence[PlacedEffect]) -> Floats:

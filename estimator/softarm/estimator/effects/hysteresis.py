@@ -5,7 +5,7 @@ from numba import njit
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.effects.effect import Effect, Memory, ParameterSpec, Signals
-from softarm.estimator.effects.rubber import RING, YIELDING
+from softarm.estimator.effects.rubber import RING, YIELDING, of_rings, with_rings
 from softarm.estimator.effects.world import Spot, whole_and_segments
 from softarm.estimator.small_matrices import factorise, solve_factored
 
@@ -35,13 +35,12 @@ def hysteresis(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> t
         bends, friction = bends.copy(), friction.copy()
         strains[..., :2] = slipping(loads, strengths, reach, stops, bends, friction)
         return strains, (bends, friction)
-    radii = spot.world.radii[:, None]
-    loads = np.concatenate([strains[..., 3:] / radii, strains[..., :2]], axis=-1)
+    radii = spot.world.radii
+    loads = of_rings(strains, radii)
     ring, friction = memory or (loads[0], np.zeros((len(radii), len(YIELDING))))
     ring, friction = ring.copy(), friction.copy()
     slipped = slipping_fibres(loads, strengths, reach, stops, ring, friction)
-    strains[..., :2], strains[..., 3:] = slipped[..., 1:], radii * slipped[..., :1]
-    return strains, (ring, friction)
+    return with_rings(strains, slipped, radii), (ring, friction)
 
 
 @njit(cache=True, nogil=True)

@@ -25,6 +25,23 @@ def losses(strains: Floats, world: World) -> Floats:
     return np.stack([bending, bending, bending, axial], axis=-1)
 
 
+def of_rings(strains: Floats, radii: Floats) -> Floats:
+    """Return the elongation over the radius and both bends, shape (..., segments, 3), of strains.
+
+    Args:
+        strains: Shape (..., segments, 4).
+        radii: Of the segments as thin rings [m], shape (segments,).
+    """
+    return np.concatenate([strains[..., 3:] / radii[:, None], strains[..., :2]], axis=-1)
+
+
+def with_rings(strains: Floats, rings: Floats, radii: Floats) -> Floats:
+    """Return strains with the elongation and the bends of rings; see ``of_rings``."""
+    changed = strains.copy()
+    changed[..., :2], changed[..., 3:] = rings[..., 1:], radii[:, None] * rings[..., :1]
+    return changed
+
+
 def distributed_mass(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
     """Scale gravity, for a density other than described: g -> g (1 + s)."""
     (change,) = theta
@@ -321,8 +338,8 @@ def mullins_softening(signals: Signals, theta: Floats, spot: Spot, memory: Memor
     What remains of the ring bears the same load at other strains.
     """
     strength, width, isotropy = theta
-    radii = spot.world.radii[:, None]
-    strains = np.concatenate([signals.strains[..., 3:] / radii, signals.strains[..., :2]], axis=-1)
+    radii = spot.world.radii
+    strains = of_rings(signals.strains, radii)
     own = (strains @ FIBRES.T) ** 2
     squares = (1.0 - isotropy) * own + 2.0 * isotropy * own.mean(axis=-1, keepdims=True)
     largest = np.maximum.accumulate(squares, axis=0)
@@ -331,9 +348,7 @@ def mullins_softening(signals: Signals, theta: Floats, spot: Spot, memory: Memor
     lost = strength * spot.segments[:, None] * erf((largest - squares) / (width**2 + largest)) / erf(1.0)
     ring = RING - (lost @ SHARES).reshape(*lost.shape[:-1], 3, 3)
     softened = np.linalg.solve(ring, (strains @ RING)[..., None])[..., 0]
-    changed = signals.strains.copy()
-    changed[..., :2], changed[..., 3:] = softened[..., 1:], radii * softened[..., :1]
-    return changed, (largest[-1],)
+    return with_rings(signals.strains, softened, radii), (largest[-1],)
 
 
 MULLINS_SOFTENING = Effect(
