@@ -1,5 +1,6 @@
 """The rules of the choice, each on numbers of which it is known what they should decide."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -22,7 +23,13 @@ from softarm.estimator.diagnosis.candidates import (
     surprise,
 )
 from softarm.estimator.diagnosis.choose import DELAY_SHARE, FINALISTS, SECOND, Search
-from softarm.estimator.diagnosis.conclude import lost_by_chance, unknown, unproven, without_improbable
+from softarm.estimator.diagnosis.conclude import (
+    lost_by_chance,
+    undecided,
+    unknown,
+    unproven,
+    without_improbable,
+)
 from softarm.estimator.diagnosis.diagnose import Decision
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Folds
@@ -44,7 +51,7 @@ from softarm.estimator.diagnosis.normal_equations import (
     with_columns,
 )
 from softarm.estimator.diagnosis.probability import CREDIBLE, probabilities
-from softarm.estimator.diagnosis.result import Heldout, Unexplained
+from softarm.estimator.diagnosis.result import Heldout, Rival, Unexplained
 from softarm.estimator.diagnosis.screen import null_scores, screen, usual_gains
 from softarm.estimator.diagnosis.sizes import DECIDES, fragments
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
@@ -619,7 +626,7 @@ def test_the_verdict_follows_from_findings_and_what_is_left(found, changed, verd
     assert Decision(chosen(), (), None, 0.0, 1.0, changed).verdict(explained=found) == verdict
 
 
-def decide_on(monkeypatch, choice, **made):
+def decide_on(monkeypatch, choice, one_of=(), **made):
     """Decide where the search ends so; nothing is left, and no law without a name outdoes anything."""
     usual = {
         "proven": (choice, []),
@@ -632,6 +639,7 @@ def decide_on(monkeypatch, choice, **made):
     for name, value in (usual | made).items():
         monkeypatch.setattr(diagnose, name, lambda *_, value=value: value)
     monkeypatch.setattr(diagnose, "without_improbable", lambda _, choice, sizes: (choice, sizes, []))
+    monkeypatch.setattr(diagnose, "undecided", lambda *_: one_of)
     return diagnose.decide(cast("Any", None))
 
 
@@ -687,6 +695,15 @@ def test_what_a_single_pose_shows_is_reported_without_a_name(monkeypatch, gain, 
         assert finding.effect == "unknown"
         assert [one.effect for one in finding.confusable_with] == ["tip_payload"]
         assert "tip payload of the tip section" in finding.statement
+
+
+def test_where_no_name_is_likelier_than_not_something_unknown_is_reported(monkeypatch):
+    payload = chosen(fit_of("tip_payload", 0.02))
+    rivals = (Rival("tip_payload", TIP, "the mount turned", 0.0),)
+    decision = decide_on(monkeypatch, payload, rivals, without_fragments=(payload, payload.fit, []))
+    assert decision.one_of == rivals
+    assert decision.choice.fit is None
+    assert decision.verdict(explained=False) == "unexplained"
 
 
 @pytest.mark.parametrize(("probability", "rival"), [(0.6, True), (0.99, False)])
@@ -967,8 +984,6 @@ def test_of_several_effects_one_that_is_no_likelier_than_a_rival_is_withdrawn(
     other = Fit((hypothesis(rival, place),), (theta,), np.eye(len(theta)), gain.gain)
     payload = candidate(fit_of("tip_payload", 0.02), 1000.0, 2)
     field = (candidate(gain, 100.0, 0), candidate(other, 100.0, 1))
-    none, price = np.full(5, 400.0), 5.0
-    gains = {0: 200.0, 1: 200.0 - fits_worse_by + price * (len(theta) - 1), 2: 1000.0}
     chosen_effects = [Accepted(field[0], judgement(), field)]
     if several:
         chosen_effects.append(Accepted(payload, judgement(), (payload,)))
@@ -980,21 +995,59 @@ def test_of_several_effects_one_that_is_no_likelier_than_a_rival_is_withdrawn(
             choice, accepted=tuple(choice.accepted[k] for k in kept), fit=choice.fit.selected(kept)
         )
 
-    search = SimpleNamespace(
-        rng=np.random.default_rng(0),
-        bic_penalty=price,
-        evidence=SimpleNamespace(
-            library=Library(tuple(one.fit.hypotheses[0] for one in (*field, payload)), ())
-        ),
-        predicted=lambda one, _: FoldCosts(
-            none, none, none, none, np.full(5, gains[one.number] / 5.0), 0.0 * none
-        ),
-        subset=lambda fit, kept: fit.selected(kept) if kept else None,
-        without=without,
-    )
+    search = weighing((*field, payload), [200.0, 200.0 - fits_worse_by, 1000.0])
+    search.without = without
     monkeypatch.setattr(conclude, "without_fragments", lambda _, choice: (choice, choice.fit, []))
     choice = ChosenEffects(tuple(chosen_effects), fit, 0.0, None)
-    kept, sizes, dropped = without_improbable(cast("Any", search), choice, fit)
+    kept, sizes, dropped = without_improbable(search, choice, fit)
     assert dropped == ([] if stays else ["chamber_gain"])
     assert kept.accepted == (choice.accepted if stays else choice.accepted[1:])
     assert sizes is kept.fit
+
+
+def weighing(field: Sequence[Candidate], gains: Sequence[float]) -> Any:
+    """Return a search in which candidates explain so much beside the price of their parameters."""
+    none, price = np.full(5, 400.0), 5.0
+
+    def predicted(one: Candidate, _: Fit | None) -> FoldCosts:
+        explained = gains[one.number] + price * (one.degrees_of_freedom - 1)
+        return FoldCosts(none, none, none, none, np.full(5, explained / 5.0), 0.0 * none)
+
+    return SimpleNamespace(
+        rng=np.random.default_rng(0),
+        bic_penalty=price,
+        evidence=SimpleNamespace(
+            library=Library(tuple(one.fit.hypotheses[0] for one in field), ()),
+            stages=(SimpleNamespace(world=SimpleNamespace(pressure_limits=(5e4,))),),
+        ),
+        predicted=predicted,
+        subset=lambda fit, kept: fit.selected(kept) if kept else None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("gains", "unnamed", "several"),
+    [
+        ([200.0, 200.0, 200.0], 0.0, True),
+        ([200.0, 200.0, 100.0], 0.0, False),
+        ([260.0, 200.0, 200.0], 0.0, False),
+        ([204.0, 200.0, 200.0], 0.0, False),
+        ([204.0, 200.0, 200.0], 0.6, True),
+    ],
+)
+def test_of_many_effects_none_is_named_that_is_not_likelier_than_not(gains, unnamed, several):
+    """Two that the recordings fit equally well are a finding and its rival."""
+    names = ("tip_payload", "base_tilt", "chamber_crosstalk")
+    field = [
+        candidate(fit_of(name, *(p.typical for p in EFFECTS[name].parameters), gain=gain), gain, number)
+        for number, (name, gain) in enumerate(zip(names, gains, strict=True))
+    ]
+    choice = ChosenEffects((Accepted(field[0], judgement(), tuple(field)),), field[0].fit, 0.0, None)
+    found = undecided(weighing(field, gains), choice, unnamed)
+    assert [one.effect for one in found] == (list(names) if several else [])
+    if several:
+        finding = unknown(
+            Unexplained(4.0), Heldout(4.0, 4.0, (0.0, 0.0), ""), 0.0, None, unnamed, one_of=found
+        )
+        assert finding.confusable_with == found
+        assert "3 known effects" in finding.statement

@@ -148,6 +148,12 @@ def test_what_one_pose_shows_is_missing_and_has_perhaps_a_name():
     assert sentences.finding_line(1, finding, shown).endswith("; perhaps hysteresis, the lower segment")
 
 
+def test_where_several_names_are_possible_the_verdict_leaves_them_open():
+    one = unexplained()
+    finding = replace(one.findings[0], confusable_with=2 * explained().findings[0].confusable_with)
+    assert "leave several names open" in sentences.verdict(replace(one, findings=(finding,)))
+
+
 def test_a_valve_removes_its_own_mismatch():
     one = explained()
     finding = one.findings[0]

@@ -45,7 +45,7 @@ from softarm.estimator.diagnosis.result import (
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.sizes import without_fragments
 from softarm.estimator.diagnosis.stage import Stage
-from softarm.estimator.diagnosis.unnamed import UnnamedLaw
+from softarm.estimator.diagnosis.unnamed import LIKELIER, UnnamedLaw
 from softarm.estimator.diagnosis.words import dependence, manoeuvre, plain, sentence_on
 from softarm.estimator.effects import EFFECTS, describe
 from softarm.estimator.specimen.physics import EffectName, Place
@@ -62,6 +62,8 @@ NOTHING = 1.0
 SHOWN = (2.0 + (4.0 + NOTHING) ** 0.5) ** 2
 """Gain expected of an effect that acts, from which stretches can disprove it: g with g - 4 sqrt(g) = NOTHING.
 The gain of an effect of the right size is normal with mean g and standard deviation 2 sqrt(g)."""
+MANY = 2
+"""Rivals of a finding from which no name is stated if none is likelier than not."""
 BY_CHANCE = 2.0
 """Standard deviations by which such a gain may fall short of its mean."""
 
@@ -371,6 +373,30 @@ def without_improbable(
     return choice, sizes, dropped
 
 
+def undecided(search: Search, choice: ChosenEffects, unnamed: float) -> tuple[Rival, ...]:
+    """List the effects of which one explains a mismatch, where they are many and none is likelier than not.
+
+    Two that the recordings cannot distinguish are both named, as a finding and its rival. Of more, the name
+    of the finding would be wrong more often than right.
+
+    Args:
+        search: The search.
+        choice: What it accepted, with its sizes; none or several effects are never undecided.
+        unnamed: Probability that what acts has no name.
+
+    Returns:
+        The accepted effect and its rivals; none where its name may be stated.
+    """
+    if choice.fit is None or len(choice.accepted) != 1:
+        return ()
+    explanations = Explanations.of(search, choice, 0)
+    rivals, _ = _rivals(search, choice.accepted[0], explanations.each)
+    if len(rivals) < MANY or explanations.or_alike * (1.0 - unnamed) > LIKELIER:
+        return ()
+    own = choice.fit.hypotheses[0]
+    return (Rival(own.name, own.place, rivals[0].manoeuvre, 0.0), *rivals)
+
+
 def findings_of(search: Search, choice: ChosenEffects, unnamed: float) -> tuple[Finding, ...]:
     """Describe every accepted effect with its evidence; the one that explains most comes first.
 
@@ -401,6 +427,7 @@ def unknown(
     law: UnnamedLaw | None,
     probability: float,
     seen_once: Hypothesis | None = None,
+    one_of: tuple[Rival, ...] = (),
 ) -> Finding:
     """Report that something is missing which no known effect explains for certain.
 
@@ -411,6 +438,7 @@ def unknown(
         law: A law without a name that outdoes the effects that were found, where it does.
         probability: Posterior probability that what is missing has no name.
         seen_once: What explains it, but in a single pose.
+        one_of: Effects of which one explains it, but none likelier than not.
     """
     sits = (
         f" They differ most at {describe(unexplained.where)}, and {dependence(unexplained.when)}."
@@ -418,8 +446,13 @@ def unknown(
         else ""
     )
     differ = "Model and recordings differ, and no known effect improves the prediction of unseen data."
-    rivals: tuple[Rival, ...] = ()
-    if law is None and seen_once is not None:
+    rivals = one_of
+    if one_of:
+        differ = (
+            f"Model and recordings differ. Any of {len(one_of)} known effects would explain it, and none of "
+            "them is likelier than not."
+        )
+    elif law is None and seen_once is not None:
         name, place = seen_once.name, seen_once.place
         differ = (
             f"Model and recordings differ. A known effect would explain it, {plain(name)} of "

@@ -17,6 +17,7 @@ from softarm.estimator.diagnosis.conclude import (
     held_out,
     heldout_result,
     proven,
+    undecided,
     unknown,
     without_improbable,
 )
@@ -40,6 +41,7 @@ from softarm.estimator.diagnosis.result import (
     Finding,
     LocationMap,
     NotTestable,
+    Rival,
     Unexplained,
     Verdict,
 )
@@ -293,6 +295,7 @@ class Decision:
             are none, whether more is left than of unchanged arms, or something without a name is likelier
             than not.
         seen_once: What would be reported, had the recordings shown it in more than one pose.
+        one_of: Effects of which one acts, where none is likelier than not.
     """
 
     choice: ChosenEffects
@@ -302,6 +305,7 @@ class Decision:
     remainder: float
     changed: bool
     seen_once: Hypothesis | None = None
+    one_of: tuple[Rival, ...] = ()
 
     @property
     def names(self) -> frozenset[EffectName]:
@@ -337,6 +341,9 @@ def decide(search: Search) -> Decision:
         choice, sizes = replace(choice, accepted=(), fit=None), None
         if law is None:  # neither it nor what it is likelier than is certain
             withdrawn += [one.name for one in unnamed.nearest]
+    one_of = undecided(search, replace(choice, fit=sizes), probability)
+    if one_of:
+        choice, sizes = replace(choice, accepted=(), fit=None), None
     remainder = _remainder(search, choice)
     more_is_left = remainder > STRUCTURE or worst_over_nominal(search, choice.fit) > OUTLYING
     changed = law is not None or more_is_left or _changed(search, choice)
@@ -350,8 +357,9 @@ def decide(search: Search) -> Decision:
         law,
         probability,
         remainder,
-        changed or seen_once is not None,
+        changed or seen_once is not None or bool(one_of),
         seen_once,
+        one_of,
     )
 
 
@@ -455,7 +463,15 @@ def _outcome(
         worst=worst_stretch(search, after),
     )
     if verdict == "unexplained":
-        missing = unknown(unexplained, heldout, choice.alarm_p, law, decision.unnamed, decision.seen_once)
+        missing = unknown(
+            unexplained,
+            heldout,
+            choice.alarm_p,
+            law,
+            decision.unnamed,
+            decision.seen_once,
+            decision.one_of,
+        )
         findings = (missing,)
     diagnosis = Diagnosis(
         specimen=evidence.specimen,

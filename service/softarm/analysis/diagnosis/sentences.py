@@ -195,8 +195,11 @@ def insensitivity_note(diagnosis: Diagnosis) -> str:
 def unnamed_physics(diagnosis: Diagnosis) -> str:
     """Write that something is missing, and why it has no name."""
     unknown = [finding for finding in diagnosis.findings if finding.effect == "unknown"]
-    if any(finding.confusable_with and finding.probability is None for finding in unknown):
+    rivals = max((len(one.confusable_with) for one in unknown if one.probability is None), default=0)
+    if rivals == 1:
         return "The model is missing physics that these recordings show in too few poses to name it"
+    if rivals:
+        return "The model is missing physics for which these recordings leave several names open"
     return "The model is missing physics that no known effect explains"
 
 
