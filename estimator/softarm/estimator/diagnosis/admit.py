@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.counted import counted
-from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import SHIPPED, Specimen
@@ -112,7 +111,7 @@ def admit(
 
     Raises:
         InputError: None in question, or no nominal one, is left: they are of another specimen, too short,
-            too still to decide anything, without pressures, or have two channels exchanged.
+            too still to decide anything, or without pressures.
     """
     notes: list[str] = []
     whole = any(len(recording.chambers) == len(specimen.chambers) for recording in (*nominal, *suspects))
@@ -122,7 +121,6 @@ def admit(
         _check_pressures(recording, specimen, whole=whole)
         _check_length(recording, specimen)
         _check_motion(recording)
-        refuse_swapped_channels(recording, specimen)
         return recording
 
     nominal, suspects = (usable(group, checked, notes, notify) for group in (nominal, suspects))

@@ -88,14 +88,17 @@ def _swapped_bends(recording: Recording, specimen: Specimen) -> str:
     present = set(recording.chambers)
     known = [name for name in recording.bends if chambers.get(name) and present >= {*chambers[name]}]
     for a, b in combinations(known, 2):
-        pairs = ((a, b), (b, a))
-        if all(
-            _unexplained(recording, one, chambers[other])
-            < OTHER * _unexplained(recording, one, chambers[one])
-            for one, other in pairs
-        ):
+        if all(_is_of(recording, one, chambers[other], chambers[one]) for one, other in ((a, b), (b, a))):
             return f"bend_{a} and bend_{b}"
     return ""
+
+
+def _is_of(recording: Recording, section: str, others: Sequence[int], own: Sequence[int]) -> bool:
+    """Return whether other chambers explain a bend clearly better than its own; what these leave is no more
+    than the whole.
+    """
+    left = _unexplained(recording, section, others)
+    return left < OTHER and left < OTHER * _unexplained(recording, section, own)
 
 
 def _unexplained(recording: Recording, section: str, chambers: Sequence[int]) -> float:

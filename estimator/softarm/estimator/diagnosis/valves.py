@@ -8,6 +8,7 @@ from the changes, S from the holds.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -159,7 +160,10 @@ def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Fl
     """Return the set-point and the pressure of each hold after which a valve has settled, shape (holds,)."""
     changes = np.flatnonzero(np.abs(np.diff(setpoint)) > 1.0) + 1
     levels, reached = [], []
-    for run in np.split(np.arange(len(time)), changes):
+    for begin, end in pairwise((0, *changes, len(time))):
+        if end - begin < FEW:
+            continue
+        run = np.arange(begin, end)
         lasted = float(time[run[-1]] - time[run[0]])
         hold = run[time[run] >= time[run[0]] + min(SETTLED, 0.5 * lasted)]
         if len(hold) < FEW or float(time[hold[-1]] - time[hold[0]]) <= 0.1:

@@ -396,45 +396,53 @@ def _unexplained(causes: Floats, motion: Floats, lags: Indices) -> tuple[Floats,
     """
     predicted, fitted = np.ones((2, len(lags), motion.shape[1]))
     seen = np.zeros(len(lags))
+    products: list[tuple[Floats, Floats, Floats]] = []
+    tried: list[int] = []
     read = np.flatnonzero(np.isfinite(motion).all(axis=1))
+    motion = motion[read]
     for k, lag in enumerate(lags):
-        rows = read[(read >= lag) & (read < len(motion) + lag)]
-        if len(rows) < 5 * causes.shape[1]:
+        own = slice(*np.searchsorted(read, (lag, len(causes) + lag)))
+        count = own.stop - own.start
+        if count < 5 * causes.shape[1]:
             continue
-        seen[k] = len(rows) / len(motion)
-        values, design = motion[rows] - motion[rows].mean(axis=0), causes[rows - lag]
-        parts = [slice(*ends) for ends in pairwise(np.linspace(0, len(rows), PARTS + 1).astype(int))]
+        seen[k] = count / len(causes)
+        values, design = motion[own] - motion[own].mean(axis=0), causes[read[own] - lag]
+        parts = [slice(*ends) for ends in pairwise(np.linspace(0, count, PARTS + 1).astype(int))]
         inner = np.array([design[part].T @ design[part] for part in parts])
         outer = np.array([design[part].T @ values[part] for part in parts])
         power = np.array([(values[part] ** 2).sum(axis=0) for part in parts])
-        # Chambers that are filled alike would make the matrix singular; the ridge costs all shifts the same.
-        left = _regressed(inner, outer, power, 1e-4 * len(rows))
-        predicted[k], fitted[k] = (
-            np.maximum(one, 0.0) / np.maximum(power.sum(axis=0), 1e-30) for one in left
-        )
+        products.append((inner, outer, power))
+        tried.append(k)
+    if not tried:
+        return predicted, fitted, seen
+    inner, outer, power = (np.array(one) for one in zip(*products, strict=True))
+    # Chambers that are filled alike would make the matrix singular; the ridge costs all shifts the same.
+    left = _regressed(inner, outer, power, 1e-4 * len(causes) * seen[tried])
+    whole = np.maximum(power.sum(axis=1), 1e-30)
+    predicted[tried], fitted[tried] = (np.maximum(one, 0.0) / whole for one in left)
     return predicted, fitted, seen
 
 
-def _regressed(inner: Floats, outer: Floats, power: Floats, ridge: float) -> tuple[Floats, Floats]:
+def _regressed(inner: Floats, outer: Floats, power: Floats, ridge: Floats) -> tuple[Floats, Floats]:
     """Sum up what a regression mispredicts of each part from the others, and what one on all leaves.
 
     With A = D^T D, B = D^T V and a law L, the sum of squares of V - D L is V^T V - 2 L B + L A L.
 
     Args:
-        inner: A of each part, shape (parts, causes, causes).
-        outer: B of each part, shape (parts, causes, values).
-        power: Diagonal of V^T V of each part, shape (parts, values).
-        ridge: What is added to the diagonal of A.
+        inner: A of each part, shape (shifts, parts, causes, causes).
+        outer: B of each part, shape (shifts, parts, causes, values).
+        power: Diagonal of V^T V of each part, shape (shifts, parts, values).
+        ridge: What is added to the diagonal of A, shape (shifts,).
 
     Returns:
-        Both sums of squares, of shape (values,).
+        Both sums of squares, of shape (shifts, values).
     """
-    added = ridge * np.eye(inner.shape[-1])
-    whole, right = inner.sum(axis=0), outer.sum(axis=0)
+    added = ridge[:, None, None, None] * np.eye(inner.shape[-1])
+    whole, right = inner.sum(axis=1, keepdims=True), outer.sum(axis=1, keepdims=True)
     laws = np.linalg.solve(whole - inner + added, right - outer)
     law = np.linalg.solve(whole + added, right)
-    held_out: Floats = (power + (laws * (inner @ laws - 2.0 * outer)).sum(axis=1)).sum(axis=0)
-    residual: Floats = power.sum(axis=0) + (law * (whole @ law - 2.0 * right)).sum(axis=0)
+    held_out: Floats = (power + (laws * (inner @ laws - 2.0 * outer)).sum(axis=2)).sum(axis=1)
+    residual: Floats = power.sum(axis=1) + (law * (whole @ law - 2.0 * right)).sum(axis=2)[:, 0]
     return held_out, residual
 
 
