@@ -94,10 +94,9 @@ def _swapped_bends(recording: Recording, specimen: Specimen) -> str:
 
 
 def _is_of(recording: Recording, section: str, others: Sequence[int], own: Sequence[int]) -> bool:
-    """Return whether other chambers explain a bend clearly better than its own; what these leave is no more
-    than the whole.
-    """
+    """Return whether other chambers explain a bend clearly better than its own do."""
     left = _unexplained(recording, section, others)
+    # Its own leave no more than the whole: often one regression decides.
     return left < OTHER and left < OTHER * _unexplained(recording, section, own)
 
 
