@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from scipy.stats import norm
+from scipy.stats import t as student
 
-from softarm.estimator.diagnosis.discrepancy import Autoregression, ljung_box
+from softarm.estimator.diagnosis.discrepancy import Autoregression, DiscountedVariance, ljung_box
 
 
 def process(
@@ -42,6 +44,51 @@ def test_another_memory_or_size_shows():
 def test_chances_are_even_where_nothing_is_correlated():
     chances = np.sort([ljung_box(process(seed, 0.0, samples=100, count=3))[1] for seed in range(200)])
     assert np.abs(chances - np.linspace(0.0, 1.0, 200)).max() < 0.12
+
+
+def bursts(seed: int, count: int = 8) -> list[np.ndarray]:
+    """Draw stretches that are ten times louder for a second at a time."""
+    rng = np.random.default_rng(seed)
+    loud = [np.repeat(rng.choice([0.1, 1.0], 20, p=[0.7, 0.3]), 20) for _ in range(count)]
+    return [one * rng.normal(size=one.size) for one in loud]
+
+
+def test_where_the_noise_comes_in_bursts_innovations_are_of_unit_variance_in_and_between_them():
+    learnt = Autoregression.fitted(bursts(1))
+    assert learnt.size.discount < 0.95
+    quiet, loud = [], []
+    for one in bursts(2):
+        own = learnt.innovations(one)
+        scale = np.abs(one[-len(own) :])
+        louder = np.convolve(scale, np.ones(5) / 5, "same") > 0.3
+        quiet.append(own[~louder])
+        loud.append(own[louder])
+    everything = np.concatenate([*quiet, *loud])
+    assert np.mean(everything**2) == pytest.approx(1.0, abs=0.15)
+    assert np.mean(np.concatenate(quiet) ** 2) > 0.4
+    assert np.mean(np.concatenate(loud) ** 2) < 2.5
+
+
+def test_the_variance_of_an_innovation_does_not_depend_on_it():
+    learnt = DiscountedVariance(0.8, 4.0, 1.0)
+    past = np.array([0.3, -1.0, 0.5])
+    scores = [learnt.scores(np.append(past, last))[-1] for last in (-2.0, 2.0, 1.0)]
+    assert scores[0] == pytest.approx(-scores[1])
+    assert scores[1] > scores[2] > 0.0
+    lost = learnt.scores(np.array([0.3, np.nan, -1.0, 0.5]))
+    assert np.isnan(lost[1])
+    assert lost[[0, 2, 3]] == pytest.approx(learnt.scores(past))
+
+
+def test_scores_are_those_of_students_law():
+    """At the first sample: Student's distribution function of x / sqrt(S), by scipy, and its normal quantile."""
+    learnt = DiscountedVariance(0.9, 5.0, 4.0)
+    expected = norm.ppf(student.cdf(3.0 / 2.0, 5.0))
+    assert learnt.scores(np.array([3.0]))[0] == pytest.approx(expected)
+
+
+def test_an_even_noise_is_given_a_constant_variance():
+    assert Autoregression.fitted(process(6, 0.5)).size.discount == 1.0
 
 
 def test_white_noise_is_given_no_memory():
