@@ -51,7 +51,9 @@ def arm_diagnoses(folder: Path, advance: Callable[[float], None]) -> tuple[Table
             (
                 "Line: ordinary linear regression of six pressures (and an offset) to each angle, on the "
                 "data that the diagnosis fits.",
-                "Variance: of residuals over the standard deviation that the diagnosis assumed; 1 expected.",
+                "Innovations: variance of what the past does not predict, by the law that other stretches show "
+                "(1 expected), and correlation of neighbours (0 expected). Residuals: their variance over "
+                "that which the diagnosis assumed (1 expected).",
             ),
         ),
         Table(
@@ -62,7 +64,7 @@ def arm_diagnoses(folder: Path, advance: Callable[[float], None]) -> tuple[Table
 
 
 def _error_rows(name: str, report: Report) -> list[dict[str, Cell]]:
-    heldout = report.heldout
+    heldout, noise = report.heldout, report.calibration_of_noise
     return [
         {
             "recording": name,
@@ -70,7 +72,9 @@ def _error_rows(name: str, report: Report) -> list[dict[str, Cell]]:
             "line": line,
             "model": heldout.rms_after[channel],
             "line_over_model": line / heldout.rms_after[channel],
-            "variance": report.calibration_of_noise.residual_variance.get(channel),
+            "innovations": noise.innovation_variance.get(channel),
+            "correlation": noise.innovation_correlation.get(channel),
+            "residuals": noise.residual_variance.get(channel),
         }
         for channel, line in heldout.rms_linear_regression.items()
     ]

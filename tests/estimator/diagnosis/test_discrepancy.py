@@ -81,7 +81,7 @@ def test_the_variance_of_an_innovation_does_not_depend_on_it():
 
 
 def test_scores_are_those_of_students_law():
-    """At the first sample: Student's distribution function of x / sqrt(S), by scipy, and its normal quantile."""
+    """At the first sample: the normal quantile of Student's distribution function of x / sqrt(S)."""
     learnt = DiscountedVariance(0.9, 5.0, 4.0)
     expected = norm.ppf(student.cdf(3.0 / 2.0, 5.0))
     assert learnt.scores(np.array([3.0]))[0] == pytest.approx(expected)
