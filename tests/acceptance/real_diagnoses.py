@@ -51,9 +51,9 @@ def arm_diagnoses(folder: Path, advance: Callable[[float], None]) -> tuple[Table
             (
                 "Line: ordinary linear regression of six pressures (and an offset) to each angle, on the "
                 "data that the diagnosis fits.",
-                "Innovations: variance of what the past does not predict, by the law that other stretches show "
-                "(1 expected), and correlation of neighbours (0 expected). Residuals: their variance over "
-                "that which the diagnosis assumed (1 expected).",
+                "Innovations: variance of what the past does not predict, by the law that others show (1 "
+                "expected), and correlation of neighbours (0 expected). Residuals: their variance over that "
+                "which the diagnosis assumed (1 expected).",
             ),
         ),
         Table(
