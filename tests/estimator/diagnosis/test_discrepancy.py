@@ -55,7 +55,7 @@ def bursts(seed: int, count: int = 8) -> list[np.ndarray]:
 
 def test_where_the_noise_comes_in_bursts_innovations_are_of_unit_variance_in_and_between_them():
     learnt = Autoregression.fitted(bursts(1))
-    assert learnt.size.discount < 0.95
+    assert learnt.variance.discount < 0.95
     quiet, loud = [], []
     for one in bursts(2):
         own = learnt.innovations(one)
@@ -80,6 +80,12 @@ def test_the_variance_of_an_innovation_does_not_depend_on_it():
     assert lost[[0, 2, 3]] == pytest.approx(learnt.scores(past))
 
 
+def test_a_stretch_that_stands_still_and_then_moves_has_finite_scores():
+    scores = DiscountedVariance(0.5, 1.0, 1.0).scores(np.append(np.zeros(2000), 1.0))
+    assert np.isfinite(scores).all()
+    assert scores[-1] > 1.0
+
+
 def test_scores_are_those_of_students_law():
     """At the first sample: the normal quantile of Student's distribution function of x / sqrt(S)."""
     learnt = DiscountedVariance(0.9, 5.0, 4.0)
@@ -88,7 +94,7 @@ def test_scores_are_those_of_students_law():
 
 
 def test_an_even_noise_is_given_a_constant_variance():
-    assert Autoregression.fitted(process(6, 0.5)).size.discount == 1.0
+    assert Autoregression.fitted(process(6, 0.5)).variance.discount == 1.0
 
 
 def test_white_noise_is_given_no_memory():

@@ -32,14 +32,14 @@ SAMPLES = 20
 """Samples for each coefficient, at least."""
 LAGS = 20
 """Lags of the portmanteau test."""
-
-
 FIRST = (0.9, 4.0, 0.5)
 """Where the search for a discounted variance begins: d, n and S."""
 BOUNDS = ((0.5, 1.0), (1.0, 1e4), (0.01, 4.0))
 """Between which each of them lies."""
 CONSTANT = (1.0, 1e4, 1.0)
 """Those of a variance that hardly changes."""
+LEAST = 1e-6
+"""Least variance that is learnt, over that of all: a reading that stands still has none."""
 TRIALS = 120
 """Most parameters that are tried."""
 UNLIKELIEST = 1e-300
@@ -92,14 +92,20 @@ class DiscountedVariance:
 
 
 @njit(cache=True, nogil=True)
+def _learnt(innovation: float, discount: float, freedom: float, variance: float) -> tuple[float, float]:
+    """Return the degrees of freedom and the variance that are known after an innovation."""
+    variance = (freedom * variance + innovation**2) / (freedom + 1.0)
+    return discount * (freedom + 1.0), max(variance, LEAST)
+
+
+@njit(cache=True, nogil=True)
 def _known(innovations: Floats, discount: float, freedom: float, variance: float) -> tuple[Floats, Floats]:
     """Return the degrees of freedom and the variance that are known before each innovation."""
     freedoms, variances = np.empty_like(innovations), np.empty_like(innovations)
     for k, innovation in enumerate(innovations):
         freedoms[k], variances[k] = freedom, variance
         if np.isfinite(innovation):
-            variance = (freedom * variance + innovation**2) / (freedom + 1.0)
-            freedom = discount * (freedom + 1.0)
+            freedom, variance = _learnt(innovation, discount, freedom, variance)
     return freedoms, variances
 
 
@@ -113,8 +119,7 @@ def _log_likelihood(innovations: Floats, discount: float, freedom: float, varian
             likelihood += math.lgamma(half) - math.lgamma(0.5 * freedom)
             likelihood -= 0.5 * math.log(math.pi * freedom * variance)
             likelihood -= half * math.log1p(innovation**2 / (freedom * variance))
-            variance = (freedom * variance + innovation**2) / (freedom + 1.0)
-            freedom = discount * (freedom + 1.0)
+            freedom, variance = _learnt(innovation, discount, freedom, variance)
     return likelihood
 
 
@@ -125,12 +130,12 @@ class Autoregression:
     Args:
         coefficients: Of the last samples, the latest first, shape (order,).
         deviation: Standard deviation of its innovations.
-        size: How their variance changes, over that of all.
+        variance: Of each of them, over the square of that.
     """
 
     coefficients: Floats
     deviation: float
-    size: DiscountedVariance
+    variance: DiscountedVariance
 
     @classmethod
     def fitted(cls, stretches: Sequence[Floats]) -> "Autoregression":
@@ -159,7 +164,7 @@ class Autoregression:
         """
         if self.deviation <= 0.0:
             return np.full(len(stretch), np.nan)
-        return self.size.scores(_unpredicted(stretch, self.coefficients) / self.deviation)
+        return self.variance.scores(_unpredicted(stretch, self.coefficients) / self.deviation)
 
 
 def ljung_box(stretches: Sequence[Floats]) -> tuple[float, float]:
