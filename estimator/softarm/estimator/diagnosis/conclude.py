@@ -349,8 +349,8 @@ def without_improbable(
 ) -> tuple[ChosenEffects, Fit | None, list[EffectName]]:
     """Of several effects, take back those that are no likelier than their rivals, and size the others anew.
 
-    What the law of a stronger effect leaves always has a likeliest name. A single effect stays, with its
-    rivals: something acts.
+    What the law of a stronger effect leaves always has a likeliest name. A single effect stays, for something
+    acts; whether its name is stated, see ``undecided``.
 
     Args:
         search: The search.
