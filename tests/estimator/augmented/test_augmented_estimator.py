@@ -48,6 +48,7 @@ WORLD = World(
     np.full(6, 65e3),
     ARM.stiffness(),
     MASSES,
+    np.zeros(2),
     ARM.segments.rest.positions,
     surface_of(ARM.segments),
 )
@@ -101,7 +102,9 @@ def test_physics_in_the_model_is_no_longer_taken_for_a_force(name: str, theta: l
 
 
 @pytest.mark.parametrize(
-    ("name", "theta"), [("base_tilt", [0.06, -0.04, 0.0]), ("base_compliance", [0.4])], ids=["tilt", "yields"]
+    ("name", "theta"),
+    [("base_tilt", [0.06, -0.04, 0.0]), ("base_compliance", [0.4, 0.01])],
+    ids=["tilt", "yields"],
 )
 def test_a_laboratory_found_by_a_base_that_had_turned_is_turned_back(name: str, theta: list[float]):
     effect = placed(name, theta, {})

@@ -20,7 +20,7 @@ from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.simulation.inertia import Masses, StrainDynamics, VibratingArm
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.diagnosis.linear_arm import model, session
-from tests.estimator.simulation.straight_arm import straight_arm
+from tests.estimator.simulation.straight_arm import straight_arm, world
 
 MASSES = Masses(np.array([0.02, 0.023]), np.array([0.16, 0.082]))
 
@@ -130,8 +130,12 @@ def test_a_law_that_stiffens_the_material_lets_the_arm_vibrate_faster(calm: Stag
     assert np.abs(changes[1]).max() > 0.1 * np.abs(lag).max()
 
 
-def _crossings(gravity: float) -> int:
-    """Count how often the base of an arm with 0.08 kg at its tip crosses its rest after a step."""
+def _rocked(gravity: float, compliance: float, damping_time: float) -> tuple[np.ndarray, np.ndarray]:
+    """Rock an arm with 0.08 kg at its tip on a base whose rest steps by 0.01 rad after 0.5 s.
+
+    Returns:
+        Clock, and how far the base is from its rest, both of shape (samples,).
+    """
     clock = np.arange(0.0, 40.0, 0.02)
     arm = straight_arm(clock)
     heavy = Masses(np.array([0.0, 0.08]), np.zeros(2))
@@ -142,13 +146,27 @@ def _crossings(gravity: float) -> int:
         VibratingArm(clock, dynamics, (0.02, 0.0), 0.0, every, every), np.zeros((len(clock), 8)), weighed
     )
     turn = np.where(clock < 0.5, 0.0, 0.01)[:, None] * np.array([0.0, 1.0, 0.0])
-    _, rocking = vibrations.rocked(turn, 20.0, heavy.sections)
-    away = (rocking - turn)[clock > 0.6, 1]
-    return int(np.count_nonzero(np.diff(np.sign(away))))
+    _, rocking = vibrations.rocked(turn, compliance, damping_time, replace(world(), masses=heavy.sections))
+    return clock, (rocking - turn)[:, 1]
+
+
+def _crossings(gravity: float) -> int:
+    """Count how often the base crosses its rest after the step."""
+    clock, away = _rocked(gravity, 20.0, 0.0)
+    return int(np.count_nonzero(np.diff(np.sign(away[clock > 0.6]))))
 
 
 def test_gravity_holds_a_hanging_arm_on_a_compliant_base_and_not_a_standing_one() -> None:
     assert _crossings(0.5) > _crossings(0.0) > _crossings(-0.5) > 0
+
+
+def test_a_base_that_is_damped_more_than_it_is_heavy_creeps_to_its_rest() -> None:
+    """A spring beside a damper (Kelvin and Voigt) nears its rest by exp(-t / d)."""
+    damping_time = 0.5
+    clock, away = _rocked(0.0, 0.1, damping_time)
+    after = clock - 0.49  # the step runs straight over one window
+    expected = -0.01 * np.exp(-after / damping_time)
+    assert away[clock > 0.6] == pytest.approx(expected[clock > 0.6], abs=0.02 * 0.01)
 
 
 def test_an_arm_that_hardly_vibrates_follows_its_compliant_base(stage: Stage) -> None:
@@ -157,7 +175,7 @@ def test_an_arm_that_hardly_vibrates_follows_its_compliant_base(stage: Stage) ->
         model(), replace(stage.session, gravity=gravity)
     )
     quick = with_vibration(weighed, Vibration(1e-9, (2.0, 0.0), 0.0, 0.1, 2.0), MASSES)
-    base = PlacedEffect(EFFECTS["base_compliance"], Spot(weighed.world, Place()), np.array([0.2]))
+    base = PlacedEffect(EFFECTS["base_compliance"], Spot(weighed.world, Place()), np.array([0.2, 0.01]))
     still = weighed.first_order(base)
     difference = np.abs(quick.first_order(base) - still)
     assert np.median(difference.max(axis=1)) < 0.01 * np.abs(still).max()  # steps it takes as ramps

@@ -71,7 +71,8 @@ def test_the_world_is_read_from_a_specimen():
     world = World.of(specimen, segments, ("intermediate", "tip"), np.ones((2, 4)))
     assert (segments.above, segments.below) == ((-1, 0), (0, 1))
     assert world.chamber_segment == (0, 0, 0, 1, 1, 1)
-    assert world.masses[0] > world.masses[1] > 0.0
+    assert world.masses.tolist() == [0.020, 0.023]
+    assert world.segment_masses.tolist() == [0.160, 0.082]
 
 
 def test_a_recording_shows_what_it_excites():

@@ -44,7 +44,7 @@ def test_the_classes_of_equivalence_have_several_members():
         ("segment_stiffness", [0.2], {"segment": "upper"}),
         ("tip_payload", [0.01], {"section": "tip"}),
         ("contact_obstacle", [40.0, 0.01, 0.0], {"section": "tip"}),
-        ("base_compliance", [0.3], {}),
+        ("base_compliance", [0.3, 0.01], {}),
     ],
 )
 def test_effects_balance_on_an_arm_that_is_not_linear(name: str, theta: list[float], where: dict):

@@ -67,6 +67,7 @@ def world(sensors: tuple[str, ...] = ()) -> World:
         np.full(6, 65e3),
         STIFFNESS,
         MASSES,
+        np.zeros(2),
         REST.positions,
         surface_of(SEGMENTS),
     )

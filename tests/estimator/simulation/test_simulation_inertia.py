@@ -34,10 +34,10 @@ def test_a_compliant_base_yields_in_series_with_the_arm():
     whole = (levers**2 / STIFFNESS[:, 0]).sum() + compliance * HEIGHTS[1] ** 2
     expected = 1.0 / (2 * np.pi * np.sqrt(TIP.sections[1] * whole))
     weightless = np.zeros((1, 8, 2)), np.zeros((1, 2, 2))
-    rocking = dynamics(TIP).on_a_base(compliance, *weightless)
+    rocking = dynamics(TIP).on_a_base(compliance, 0.0, *weightless)
     assert rocking.frequencies()[:2] == pytest.approx([expected, expected], rel=0.01)
     assert expected < 0.9 * dynamics(TIP).frequencies()[0]
-    hardly = dynamics(TIP).on_a_base(1e-6, *weightless)
+    hardly = dynamics(TIP).on_a_base(1e-6, 0.0, *weightless)
     assert hardly.frequencies()[:2] == pytest.approx(dynamics(TIP).frequencies()[:2], rel=1e-3)
 
 

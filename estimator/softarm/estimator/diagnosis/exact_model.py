@@ -18,7 +18,8 @@ APART = 0.8
 """Time [s] between samples at which the model itself is solved."""
 PASSES = 4
 SETTLED_STRAIN, SETTLED_WRENCH = 1e-4, 1e-5
-"""Answers of the model until effects see their own consequence; the change that ends it [rad, m; N, N m]."""
+"""Answers of the model until effects see their own consequence; the change that ends it: of strains and the
+base's rotation [rad, m], of wrenches [N, N m]."""
 
 
 @dataclass(frozen=True)
@@ -123,8 +124,9 @@ class ExactModel:
 def _settled(drive: Drive, again: Drive) -> bool:
     """Return whether effects do the same in two responses."""
     strain = float(np.abs(again.eigenstrains - drive.eigenstrains).max(initial=0.0))
+    rotation = float(np.abs(again.base_rotation - drive.base_rotation).max(initial=0.0))
     wrench = float(np.abs(again.wrenches - drive.wrenches).max(initial=0.0))
-    return strain < SETTLED_STRAIN and wrench < SETTLED_WRENCH
+    return max(strain, rotation) < SETTLED_STRAIN and wrench < SETTLED_WRENCH
 
 
 class _ObservedArm:

@@ -9,6 +9,7 @@ import numpy as np
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.calibration.setting import Setting
 from softarm.estimator.calibration.unknowns import Prediction
+from softarm.estimator.diagnosis.base_weight import BaseWeight
 from softarm.estimator.diagnosis.equivalent_linearisation import BendVibration, EquivalentSegment, linearise
 from softarm.estimator.diagnosis.exact_model import ExactModel
 from softarm.estimator.diagnosis.recent import Recent
@@ -116,28 +117,26 @@ class Vibrations:
             damping_times[bends] = one.damping_time * one.stiffness_factor
         return self.arm.scaled(stiffness, damping_times)
 
-    def rocked(self, rotation: Floats, compliance: float, masses: Floats) -> tuple[Floats, Floats]:
+    def rocked(
+        self, rotation: Floats, compliance: float, damping_time: float, world: World
+    ) -> tuple[Floats, Floats]:
         """Return what a compliant base changes while the arm vibrates.
 
         Args:
-            rotation: Of the base at rest [rad], shape (samples, 3).
+            rotation: Of the base by the moment without it [rad], shape (samples, 3).
             compliance: Of the base [rad/(N m)].
-            masses: Gathered at the sections' origins [kg], shape (sections,).
+            damping_time: Of the base [s].
+            world: The arm's masses.
 
         Returns:
             What it changes of the strains, shape (samples, strains), and the rotation of the base [rad],
             shape (samples, 3).
         """
-        gravity, places = self.resting.drive.gravity, self.resting.baseline.frames.positions
-        axes = np.eye(3)[:2]
-        by_gravity = self.strains_by_drive["gravity"]
-        by_rotation = np.stack([_applied(by_gravity, -np.cross(axis, gravity)) for axis in axes], axis=-1)
-        levers = np.einsum("k,tki->ti", masses, places)
-        weights = np.einsum("ti,ti->t", levers, gravity)[:, None, None] * np.eye(3)
-        restoring = (weights - levers[:, :, None] * gravity[:, None, :])[:, :2, :2]
-        restoring = 0.5 * (restoring + np.swapaxes(restoring, 1, 2))
-        still = np.concatenate([self.still + _applied(by_rotation, rotation[:, :2]), rotation[:, :2]], axis=1)
-        arm = self.arm.on_a_base(compliance, by_rotation, restoring)
+        resting = self.resting
+        weight = BaseWeight.of(world, resting.drive, resting.baseline, self.strains_by_drive["gravity"])
+        rested = weight.at_rest(rotation, compliance, self.arm.dynamics.stiffness)[:, :2]
+        still = np.concatenate([self.still + _applied(weight.by_rotation, rested), rested], axis=1)
+        arm = self.arm.on_a_base(compliance, damping_time, weight.by_rotation, weight.restoring)
         upright = bool((np.linalg.eigvalsh(arm.dynamics.stiffness)[:, 0] > 0.0).all())
         moved = still + arm.lag(still) if upright else still  # it would fall over, and not vibrate
         strains, rocking = np.split(moved, [self.still.shape[1]], axis=1)
@@ -420,9 +419,11 @@ class Stage:
             return self.innovation(self._misread(placed, self.base))
         drive, modal = self.drive, placed.effect.modal(placed.theta)
         if vibrating and modal.base_compliance > 0.0 and self.vibrations is not None:
-            return self._rocked(placed, modal.base_compliance)
+            return self._rocked(placed, modal)
         change, _ = placed.change(self.signals)
         if placed.field == "base_rotation":
+            if modal.base_compliance > 0.0:
+                change = self._base_weight.at_rest(change, modal.base_compliance, self._strain_stiffness[1])
             rotated = placed.apply(drive, change)
             usual = replace(drive, base_rotation=self._usual(rotated, (placed,)))
             return _applied(self.twist_jacobian, self.arm.twists(rotated) - self.arm.rigid(usual))
@@ -472,11 +473,13 @@ class Stage:
         known = stable.reshape(-1, *(1,) * (change.ndim - 1))
         return np.where(known, moved + _applied(self._strain_jacobian, strained), 0.0)
 
-    def _rocked(self, placed: PlacedEffect, compliance: float) -> Floats:
+    def _rocked(self, placed: PlacedEffect, modal: ModalChange) -> Floats:
         """Return what a compliant base changes while the arm vibrates on it, shape (samples, rows)."""
         assert self.vibrations is not None
         rotation, _ = placed.change(self._signals_at_rest)
-        strains, rocking = self.vibrations.rocked(np.nan_to_num(rotation), compliance, self.world.masses)
+        strains, rocking = self.vibrations.rocked(
+            np.nan_to_num(rotation), modal.base_compliance, modal.base_damping_time, self.world
+        )
         rotated = placed.apply(self.drive, rocking)
         usual = replace(self.drive, base_rotation=self._usual(rotated, (placed,)))
         rigid = self.arm.rigid(rotated) - self.arm.rigid(usual)
@@ -495,6 +498,11 @@ class Stage:
         assert self.vibrations is not None
         resting = self.vibrations.resting
         return signals_of(resting.drive, self.world, resting.baseline)
+
+    @cached_property
+    def _base_weight(self) -> BaseWeight:
+        """How the arm's weight acts on a base that yields."""
+        return BaseWeight.of(self.world, self.drive, self.arm.baseline, self.strains_by_drive["gravity"])
 
     @cached_property
     def _vibration(self) -> BendVibration:

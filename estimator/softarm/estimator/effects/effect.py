@@ -153,6 +153,7 @@ class ModalChange:
         inertia_time: a [s]: the segments at its place have a^2 of their stiffness as more inertia.
         damping_time: d [s]: they have d of their stiffness as more damping.
         base_compliance: C [rad/(N m)], by which the base rotates under the moment on it.
+        base_damping_time: d [s]: it has d / C of damping.
     """
 
     added_mass: float = 0.0
@@ -161,6 +162,7 @@ class ModalChange:
     inertia_time: float = 0.0
     damping_time: float = 0.0
     base_compliance: float = 0.0
+    base_damping_time: float = 0.0
 
     @property
     def vibrates_alike(self) -> bool:

@@ -122,8 +122,8 @@ def signals_of(drive: Drive, world: World, response: ArmResponse | None = None) 
     else:
         strains = response.strains
         positions, rotations = response.frames.positions, response.frames.rotations
-    force = drive.wrenches[..., :3] + world.masses[:, None] * drive.gravity[:, None, :]
-    moment = (np.cross(positions, force) + drive.wrenches[..., 3:]).sum(axis=1)
+    loads = (np.cross(positions, drive.wrenches[..., :3]) + drive.wrenches[..., 3:]).sum(axis=1)
+    moment = loads + np.cross(world.first_moment(positions, rotations), drive.gravity)
     return Signals(
         drive.time,
         drive.pressures,

@@ -81,6 +81,23 @@ class Surface:
             radii=self.radii[chosen],
         )
 
+    def summed(self, masses: Floats) -> "Surface":
+        """Return one point that is the sum of masses along the segments times their places [kg m].
+
+        Args:
+            masses: Of the segments, spread in proportion to their cross-sections [kg], shape (segments,).
+        """
+        areas = self.radii[:-1].reshape(len(masses), POINTS) ** 2
+        weights = np.append(masses[:, None] * areas / areas.sum(axis=1, keepdims=True), 0.0)
+        return replace(
+            self,
+            sections=self.sections[-1:],
+            by_position=(weights @ self.by_position)[None],
+            by_axis=(weights @ self.by_axis)[None],
+            clamped=(weights @ self.clamped)[None],
+            radii=self.radii[-1:],
+        )
+
     def points(self, positions: Floats, rotations: Floats) -> Floats:
         """Return the points of the axis [m], shape (samples, points, 3).
 

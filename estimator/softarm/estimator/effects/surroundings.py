@@ -10,28 +10,37 @@ from softarm.estimator.effects.world import AROUND, Spot, everywhere, moving_sec
 
 
 def base_compliance(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
-    """Rotate a compliant mount by C M about x and y, M the moment of weights and loads about the base."""
-    (compliance,) = theta
+    """Rotate a compliant mount by C M about x and y, M the moment of weights and loads about the base.
+
+    That is where it rests: how it gets there, shows where the model vibrates.
+    """
+    compliance, _ = theta
     return compliance * signals.moment * np.array([1.0, 1.0, 0.0]), memory
 
 
 def base_compliance_modal(theta: Floats) -> ModalChange:
-    """Let the mount yield while the arm vibrates, too."""
-    return ModalChange(base_compliance=float(theta[0]))
+    """Let the mount yield while the arm vibrates, too, and damp what it does."""
+    compliance, damping_time = theta.tolist()
+    return ModalChange(base_compliance=compliance, base_damping_time=damping_time)
 
 
 BASE_COMPLIANCE = Effect(
     name="base_compliance",
     hook="support",
-    parameters=(ParameterSpec("compliance", "rad/(N m)", 0.05, 0.0, 5.0, spread=0.2),),
+    parameters=(
+        ParameterSpec("compliance", "rad/(N m)", 0.05, 0.0, 5.0, spread=0.2),
+        ParameterSpec("damping_time", "s", 0.05, 0.001, 5.0, "shape", "log", spread=2.0),
+    ),
     places=everywhere,
     act=base_compliance,
-    statement="The mount is compliant: it rotates by {compliance} of moment on it.",
-    source="Linear elasticity",
+    statement="The mount is compliant: it rotates by {compliance} of moment on it, with a damping time of "
+    "{damping_time}.",
+    source="Kelvin and Voigt: a linear spring beside a linear damper",
     equivalence=("weight",),
     needs=frozenset({"mount_turned"}),
     splits=(("distributed_mass", "markers on the base"), ("tip_payload", "markers on the base")),
     when="pose",
+    shapes=((0.01,), (0.5,)),
     changes_inertia=True,
     modal=base_compliance_modal,
 )

@@ -1,7 +1,7 @@
 """The arm as effects see it: names, places of chambers, stiffness of segments."""
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -28,7 +28,8 @@ class World:
         pressure_limits: Largest gauge pressure of each chamber [Pa], shape (chambers,).
         stiffness: Stiffness of each segment against its couples: bending twice, torsion [N m], axial force
             [N/m]; shape (segments, 4), or as matrices in every pose, (samples, segments, 4, 4).
-        masses: Weighed masses, gathered at the sections' origins [kg], 0 where unknown; shape (sections,).
+        masses: Masses of the sections, at their origins [kg], 0 where unknown; shape (sections,).
+        segment_masses: Masses of the segments, along their axes [kg], 0 where unknown; shape (segments,).
         origins: Origins of the sections at rest [m], shape (sections, 3).
         surface: The surface along the arm.
         pressures_measured: Whether pressures are those of sensors at the chambers, not set-points.
@@ -44,6 +45,7 @@ class World:
     pressure_limits: Floats
     stiffness: Floats
     masses: Floats
+    segment_masses: Floats
     origins: Floats
     surface: Surface
     pressures_measured: bool = False
@@ -69,7 +71,8 @@ class World:
             np.array([chamber.azimuth_rad for chamber in specimen.chambers]),
             np.array(specimen.pressure_limits),
             stiffness,
-            _masses(specimen, segments, sections),
+            np.array([specimen.section(name).mass_kg or 0.0 for name in sections]),
+            np.array([specimen.segment(name).mass_kg or 0.0 for name in segments.names]),
             segments.rest.positions,
             Surface.of(segments, specimen.sections[-1].to_m, partial(outer_radii, specimen)),
             pressures_measured,
@@ -90,6 +93,20 @@ class World:
         radii: Floats = np.sqrt(2.0 * stiffness[:, :2].mean(axis=1) / stiffness[:, 3])
         return radii
 
+    def first_moment(self, positions: Floats, rotations: Floats) -> Floats:
+        """Return the sum of all masses times their places [kg m], shape (samples, 3).
+
+        Args:
+            positions: Origins of the sections [m], shape (samples, sections, 3).
+            rotations: Rotations of the sections, shape (samples, sections, 3, 3).
+        """
+        return self.masses @ positions + self._segments_weighed.points(positions, rotations)[:, 0]
+
+    @cached_property
+    def _segments_weighed(self) -> Surface:
+        """The points of the segments' axes, summed with masses in proportion to their cross-sections."""
+        return self.surface.summed(self.segment_masses)
+
     def couples(self, strains: Floats) -> Floats:
         """Return the couples that strain the segments by so much, shape (samples, segments, 4)."""
         if self.stiffness.ndim == 4:
@@ -103,17 +120,6 @@ class World:
             strained: Floats = np.asarray(np.linalg.solve(self.stiffness, couples[..., None])[..., 0])
             return strained
         return couples / self.stiffness
-
-
-def _masses(specimen: Specimen, segments: Segments, sections: tuple[str, ...]) -> Floats:
-    """Gather each section's mass and half of the adjoining segments' at its origin, shape (sections,)."""
-    masses = np.array([specimen.section(name).mass_kg or 0.0 for name in sections])
-    for name, above, below in zip(segments.names, segments.above, segments.below, strict=True):
-        half = 0.5 * (specimen.segment(name).mass_kg or 0.0)
-        masses[below] += half
-        if above >= 0:
-            masses[above] += half
-    return masses
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,8 @@ rotation changes of q_s, since gravity rotates in the base frame, and k the mome
 base by r at constant strains, the potential is
 
     V = (q - q_s)^T K (q - q_s) / 2 - (q - q_s)^T K G r + r^T (1 / C + k) r / 2.
+
+The base has d / C of damping, d being its damping time. D is the arm's alone: rubber damps what strains it.
 """
 
 from collections.abc import Callable
@@ -166,11 +168,16 @@ class StrainDynamics:
         drag = damping_times * self.stiffness + (0.0 if self.drag is None else self.drag)
         return replace(self, stiffness=stiffness * self.stiffness, damped=self.damped_stiffness, drag=drag)
 
-    def on_a_base(self, compliance: float, by_rotation: Floats, restoring: Floats) -> "StrainDynamics":
+    def on_a_base(
+        self, compliance: float, damping_time: float, by_rotation: Floats, restoring: Floats
+    ) -> "StrainDynamics":
         """Return the matrices of an arm on a compliant base, whose rotations are two more coordinates.
+
+        The base damps by itself; the arm damps what changes its strains, and not that it turns with the base.
 
         Args:
             compliance: C, positive [rad/(N m)].
+            damping_time: Damping of the base over its stiffness [s].
             by_rotation: G, shape (samples, strains, 2).
             restoring: k [N m/rad], shape (samples, 2, 2).
         """
@@ -180,7 +187,11 @@ class StrainDynamics:
         base = np.eye(2) / compliance + restoring
         stiffness = _bordered(self.stiffness, coupling, base)
         mass = _bordered(self.mass, self.rocking[:, :size], self.rocking[:, size:])
-        return replace(self, stiffness=stiffness, mass=mass, drag=None, damped=None, rocking=None)
+        apart, none = np.zeros_like(coupling), np.zeros_like(base)
+        damped = _bordered(self.damped_stiffness, apart, none)
+        own = np.zeros_like(self.stiffness) if self.drag is None else self.drag
+        drag = _bordered(own, apart, none + damping_time / compliance * np.eye(2))
+        return replace(self, stiffness=stiffness, mass=mass, drag=drag, damped=damped, rocking=None)
 
     def strains(self, clock: Floats, still: Floats, damping: tuple[float, float]) -> Floats:
         """Let the arm vibrate about quasi-static strains.
@@ -263,9 +274,12 @@ class VibratingArm:
         """Return it with more inertia and damping of some strains; see ``StrainDynamics.slower``."""
         return replace(self, dynamics=self.dynamics.slower(strains, inertia_time, damping_time))
 
-    def on_a_base(self, compliance: float, by_rotation: Floats, restoring: Floats) -> "VibratingArm":
+    def on_a_base(
+        self, compliance: float, damping_time: float, by_rotation: Floats, restoring: Floats
+    ) -> "VibratingArm":
         """Return it on a compliant base; see ``StrainDynamics.on_a_base``."""
-        return replace(self, dynamics=self.dynamics.on_a_base(compliance, by_rotation, restoring))
+        dynamics = self.dynamics.on_a_base(compliance, damping_time, by_rotation, restoring)
+        return replace(self, dynamics=dynamics)
 
     def scaled(self, stiffness: Floats, damping_times: Floats) -> "VibratingArm":
         """Return it with another stiffness and damping; see ``StrainDynamics.scaled``."""
