@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.workers import Inline
+from softarm.estimator.diagnosis import exact_model
 from softarm.estimator.diagnosis.conclude import exposing_variable
 from softarm.estimator.diagnosis.diagnose import diagnose
 from softarm.estimator.diagnosis.exact_model import SETTLED_WRENCH, ExactModel
@@ -17,7 +18,7 @@ from softarm.estimator.diagnosis.result import Cell
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS, Spot
-from softarm.estimator.effects.placed import PlacedEffect, signals_of
+from softarm.estimator.effects.placed import PlacedEffect, met, signals_of
 from softarm.estimator.errors import InputError
 from softarm.estimator.sensing import Registration, SensorSuite
 from softarm.estimator.sensors import SpecimenSensors
@@ -111,6 +112,23 @@ def test_the_model_itself_answers_to_a_load_until_force_and_pose_agree(
     pulled = drive.wrenches[exact.nodes]
     assert np.abs(pulled).max() > 1e3 * SETTLED_WRENCH
     np.testing.assert_allclose(pulled, wanted, atol=0.02 * np.abs(wanted).max())
+
+
+def test_where_no_forces_balance_the_model_answers_nothing(
+    stage: Stage, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One answer is not enough for any sample that meets the wall; the others are as they are."""
+    monkeypatch.setattr(exact_model, "BALANCES", 2)
+    wall = PlacedEffect(
+        EFFECTS["contact_obstacle"], Spot(stage.world, Place(section="tip")), np.array([1000.0, 0.03, 0.0])
+    )
+    exact = ExactModel(stage.exact, stage.drive, stage.arm.baseline, stage.world, stage.arm.baseline)
+    plain = signals_of(stage.drive.at(exact.nodes), stage.world, exact.under([])[1])
+    touching = met([wall], plain)
+    assert 0 < len(touching) < len(exact.nodes)
+    _, response = exact.under([wall])
+    assert np.flatnonzero(~response.converged).tolist() == touching.tolist()
+    assert np.isfinite(exact.between(response.strains)).all()
 
 
 def test_a_wall_is_met_where_corrected_predictions_have_the_arm(stage: Stage) -> None:

@@ -8,6 +8,7 @@ from scipy.optimize import nnls
 
 from softarm.estimator.arc import arc_over_chord
 from softarm.estimator.effects.placed import signals_of
+from softarm.estimator.effects.simulate import Forces
 from softarm.estimator.effects.springs import Springs
 from softarm.estimator.geometry.outer import outer_radii
 from softarm.estimator.model import Frames
@@ -91,6 +92,19 @@ def test_an_unstable_arm_does_not_keep_the_search_from_ending():
     forces = system.balanced(np.zeros((1, 6)), unstable)
     assert np.isfinite(forces).all()
     assert (forces >= 0.0).all()
+
+
+def test_a_quarter_of_a_step_that_leaves_three_quarters_to_balance_has_not_stalled():
+    effect = placed("contact_obstacle", [40.0, -0.01, 0.0], section="tip")
+    drive = drive_of(np.zeros(1), np.zeros((1, 6)))
+    arm = straight_arm(drive.time)
+    first = Forces.none([effect], drive)
+    whole = first.balanced(signals_of(drive, WORLD, arm.respond(drive)), arm.baseline.load_jacobian)
+    quarter = replace(whole, forces=whole.forces / 4, wrenches=whole.wrenches / 4, share=np.full(1, 0.25))
+    response = arm.respond(replace(drive, wrenches=quarter.wrenches))
+    then = quarter.balanced(signals_of(drive, WORLD, response), arm.baseline.load_jacobian)
+    assert then.change == pytest.approx(0.75 * whole.change, rel=0.05)
+    assert then.share == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize("stiffness", [30.0, 500.0, 5000.0])

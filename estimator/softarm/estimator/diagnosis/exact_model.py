@@ -16,10 +16,12 @@ from softarm.estimator.simulation import Drive, RespondingArm, Segments
 
 APART = 0.8
 """Time [s] between samples at which the model itself is solved."""
-PASSES = 4
+PASSES, BALANCES = 4, 20
+"""Answers of the model until effects see their own consequence, and within each until contacts balance, which
+an arm that buckles at a wall may never do."""
 SETTLED_STRAIN, SETTLED_WRENCH = 1e-4, 1e-5
-"""Answers of the model until effects see their own consequence; the change that ends it: of strains and the
-base's rotation [rad, m], of wrenches [N, N m]."""
+"""Change of what effects do that ends the former: of strains and the base's rotation [rad, m], of wrenches
+[N, N m]."""
 
 
 @dataclass(frozen=True)
@@ -81,7 +83,11 @@ class ExactModel:
     def _answered(
         self, answering: Sequence[PlacedEffect], drive: Drive, begun: ArmResponse
     ) -> tuple[Drive, ArmResponse]:
-        """Solve the model at the nodes, with loads that answer to it where it would come upon them."""
+        """Solve the model at the nodes, with loads that answer to it where it would come upon them.
+
+        Couples act in the pose without effects: those that followed the arm would yield otherwise than its
+        compliance says, by which these loads are balanced.
+        """
         nodes = self.nodes
         response = self.arm.respond(drive.at(nodes), begun, jacobians=False)
         if not answering:
@@ -92,11 +98,15 @@ class ExactModel:
         if not len(touching):
             return drive, response
         arm, there = _ObservedArm(self.arm, offset[touching]), drive.at(nodes[touching])
+        coupled = self.arm.segments.wrenches(begun.at(touching).frames, there.couples)
+        fixed = replace(there, wrenches=there.wrenches + coupled, couples=np.zeros_like(there.couples))
+        near = response.at(touching)
+        simulation = simulate_with(answering, arm, self.world, fixed, near=near, passes=BALANCES)
         wrenches = drive.wrenches.copy()
-        simulation = simulate_with(answering, arm, self.world, there, near=response.at(touching))
-        wrenches[nodes[touching]] = simulation.drive.wrenches
+        wrenches[nodes[touching]] = simulation.drive.wrenches - coupled
         loaded = replace(drive, wrenches=wrenches)
-        return loaded, self.arm.respond(loaded.at(nodes), response, jacobians=False)
+        response = self.arm.respond(loaded.at(nodes), begun.with_states(response.states), jacobians=False)
+        return loaded, _without(response, touching[simulation.unsettled])
 
     def between(self, values: Floats) -> Floats:
         """Interpolate between nodes, shape (nodes, ...), leaving out those without a value."""
@@ -155,6 +165,16 @@ class _ObservedArm:
         new = np.flatnonzero((drive.wrenches != before).any(axis=(1, 2)))
         answer = self._arm.respond(drive.at(new), near.at(new), jacobians=jacobians)
         return near.with_samples(new, _moved(answer, self._offset[new]))
+
+
+def _without(response: ArmResponse, samples: Indices) -> ArmResponse:
+    """Return a response with samples marked at which it is none."""
+    converged = response.converged.copy()
+    positions, strains = response.frames.positions.copy(), response.strains.copy()
+    converged[samples], positions[samples], strains[samples] = False, np.nan, np.nan
+    return replace(
+        response, frames=Frames(positions, response.frames.rotations), converged=converged, strains=strains
+    )
 
 
 def _moved(response: ArmResponse, offset: Floats) -> ArmResponse:

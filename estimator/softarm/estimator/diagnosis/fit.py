@@ -216,8 +216,8 @@ def fit_effects(
         hypotheses: The effects.
         starts: Parameters to begin with.
         exact: Solve the model itself. Derivatives begin as those of its linearisation and follow what each
-            step shows (Broyden 1965), for a strong effect changes them. Those of a contact are taken anew at
-            each step: how hard it is shows in a twentieth of what it changes.
+            step shows (Broyden 1965), for a strong effect changes them. Those by the parameters of a contact
+            are taken anew at each step: how hard it is shows in a twentieth of what it changes.
         iterations: Largest number of steps tried.
         moving: Which parameters are fitted, shape (parameters,); all when left out, but no choices.
     """
@@ -230,12 +230,23 @@ def fit_effects(
 
     change = changed(values)
     gain, damping, refused = _gain(problem, change), FIRST_DAMPING, 0
-    answering = exact and any(h.effect.responds_to_own_effect for h in hypotheses)
+    contacts = np.repeat(
+        [exact and h.effect.responds_to_own_effect for h in hypotheses], parametrisation.sizes
+    )
+    follows = exact and not contacts.all()
+
+    def anew() -> None:
+        """Differentiate by the parameters of contacts on the model itself."""
+        ahead = slopes_of(problem, hypotheses, parametrisation, values, change, exact=True, chosen=contacts)
+        for slope, there in zip(slopes, ahead, strict=True):
+            slope[:, contacts] = there[:, contacts]
+
     here = parametrisation.split(values)
-    linear = whitened(problem, hypotheses, here, exact=False) if exact and not answering else change
-    slopes = slopes_of(problem, hypotheses, parametrisation, values, linear, exact=answering)
-    if exact and not answering:  # without amplitudes nothing changes
+    linear = whitened(problem, hypotheses, here, exact=False) if follows else change
+    slopes = slopes_of(problem, hypotheses, parametrisation, values, linear, chosen=~contacts)
+    if follows:  # without amplitudes nothing changes
         _secant(slopes, np.where(parametrisation.amplitudes, values - parametrisation.centres, 0.0), change)
+    anew()
     normal: tuple[Floats, Floats] | None = None
     for _ in range(iterations):
         matrix, pull = normal = normal or _normal(problem, slopes, change, parametrisation, values)
@@ -246,7 +257,7 @@ def fit_effects(
         tried = changed(trial)
         reached = _gain(problem, tried)
         improved = reached - parametrisation.penalty(trial) - gain + parametrisation.penalty(values)
-        if exact and not answering:
+        if follows:
             _secant(slopes, trial - values, [t - c for t, c in zip(tried, change, strict=True)])
             normal = None
         if not improved > 0.0:
@@ -256,8 +267,10 @@ def fit_effects(
             continue
         values, change, gain, refused, normal = trial, tried, reached, 0, None
         damping = max(0.1 * damping, LEAST_DAMPING)
-        if answering or not exact:
-            slopes = slopes_of(problem, hypotheses, parametrisation, values, change, exact=exact)
+        if exact:
+            anew()
+        else:
+            slopes = slopes_of(problem, hypotheses, parametrisation, values, change)
         if improved < SETTLED:
             break
     matrix, _ = normal or _normal(problem, slopes, change, parametrisation, values)
@@ -356,6 +369,7 @@ def slopes_of(
     change: Sequence[Floats],
     *,
     exact: bool = False,
+    chosen: Flags | None = None,
 ) -> list[Floats]:
     """Differentiate what effects change by the parameters in units of the fit.
 
@@ -366,13 +380,15 @@ def slopes_of(
         values: Their parameters in units of the fit, shape (parameters,).
         change: What they change there; see ``whitened``.
         exact: Whether the model itself is solved.
+        chosen: By which parameters, shape (parameters,); by all when left out.
 
     Returns:
-        Of each session, shape (samples * rows, parameters); zero for choices between laws.
+        Of each session, shape (samples * rows, parameters); zero for choices between laws, and others.
     """
     slopes = [np.zeros((len(here), len(values))) for here in change]
     size = EXACT_STEP if exact else STEP
-    for index in np.flatnonzero(~parametrisation.choices):
+    wanted = ~parametrisation.choices if chosen is None else chosen & ~parametrisation.choices
+    for index in np.flatnonzero(wanted):
         moved = values.copy()
         step = -size if values[index] + size > parametrisation.upper[index] else size
         moved[index] += step

@@ -20,7 +20,8 @@ from softarm.estimator.response import ArmResponse
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.simulation import Drive, RespondingArm
 
-ITERATIONS = 40
+PASSES = 40
+"""Answers of the arm after which a search ends anyhow."""
 TOLERANCE = 1e-7
 """Change of a strain [rad, m], a base rotation [rad] or a wrench [N, N m] that ends the search."""
 SMALLEST_STEP = 1e-6
@@ -28,8 +29,8 @@ SMALLEST_STEP = 1e-6
 ANEW = 4
 """Passes after which the compliance is that of the pose by then."""
 STALLS, SLOWEST = 0.7, 1.0 / 16.0
-"""Share of the change before from which on a change of forces stalls, for the arm gives way otherwise than
-its compliance says, and half as much of it is taken; the least share that is taken."""
+"""Share of the change before from which on a change of forces stalls after a whole step, for the arm gives
+way otherwise than its compliance says, and half as much of it is taken; the least share that is taken."""
 
 
 @dataclass(frozen=True)
@@ -41,14 +42,19 @@ class Simulation:
         response: What the arm did.
         readings: Predicted reading of each sensor, effects of sensing included.
         memories: Memory of each effect after the last sample.
-        settled: Whether the fixed point was found.
+        unsettled: Samples at which no fixed point was found, shape (samples,).
     """
 
     drive: Drive
     response: ArmResponse
     readings: Mapping[str, Floats]
     memories: tuple[Memory, ...]
-    settled: bool
+    unsettled: Flags
+
+    @property
+    def settled(self) -> bool:
+        """Whether the fixed point was found everywhere."""
+        return not self.unsettled.any()
 
 
 def simulate_with(
@@ -59,6 +65,7 @@ def simulate_with(
     suite: SensorSuite | None = None,
     memories: Sequence[Memory] | None = None,
     near: ArmResponse | None = None,
+    passes: int = PASSES,
 ) -> Simulation:
     """Simulate an arm with effects.
 
@@ -70,6 +77,7 @@ def simulate_with(
         suite: Sensors whose readings to predict.
         memories: What an earlier stretch left behind, one for each effect.
         near: A response close by, from which the search begins.
+        passes: Answers of the arm after which the search ends anyhow.
 
     Returns:
         The simulation, with the memories to continue it.
@@ -82,9 +90,9 @@ def simulate_with(
     base, shares = drive, {k: _no_share(effects[k], drive) for k in others}
     old: dict[int, tuple[Floats, Floats]] = {}
     response = arm.respond(drive, near, jacobians=True)
-    forces = _Forces.none(contacts, drive)
-    passes, settled = 1, not shares and not contacts
-    while not settled and passes < ITERATIONS:
+    forces = Forces.none(contacts, drive)
+    open_samples = np.full(drive.samples, bool(shares or contacts))
+    for number in range(1, passes):
         residuals = {}
         for k, share in shares.items():
             wanted, after[k] = _share(effects[k], world, drive, response, share, before[k])
@@ -92,8 +100,7 @@ def simulate_with(
         balanced = forces.balanced(signals_of(drive, world, response), response.load_jacobian)
         changes = [*residuals.values(), balanced.change]
         open_samples = np.any([_largest(change) >= TOLERANCE for change in changes], axis=0)
-        settled = not open_samples.any()
-        if settled:
+        if not open_samples.any():
             break
         # Samples that have settled stay as they are, so that no arm need answer them again.
         for k, residual in residuals.items():
@@ -103,15 +110,14 @@ def simulate_with(
         forces = forces.taken(balanced, open_samples)
         loaded = _loaded(base, effects, shares)
         drive = replace(loaded, wrenches=loaded.wrenches + forces.wrenches)
-        anew = {"jacobians": True} if contacts and passes % ANEW == 0 else {}
+        anew = {"jacobians": True} if contacts and number % ANEW == 0 else {}
         response = arm.respond(drive, response, **anew)
-        passes += 1
     readings = _readings(effects, world, drive, response, suite, before, after)
-    return Simulation(drive, response, readings, tuple(after), settled)
+    return Simulation(drive, response, readings, tuple(after), open_samples)
 
 
 @dataclass(frozen=True)
-class _Forces:
+class Forces:
     """Forces of walls and cords along a drive.
 
     Args:
@@ -129,13 +135,13 @@ class _Forces:
     share: Floats
 
     @classmethod
-    def none(cls, effects: Sequence[PlacedEffect], drive: Drive) -> "_Forces":
+    def none(cls, effects: Sequence[PlacedEffect], drive: Drive) -> "Forces":
         """Begin without forces."""
         samples = drive.samples
         no_wrenches, all_of_it = np.zeros_like(drive.wrenches), np.ones(samples)
         return cls(effects, np.zeros((samples, 0)), no_wrenches, np.full(samples, np.inf), all_of_it)
 
-    def balanced(self, signals: Signals, compliance: Floats) -> "_Forces":
+    def balanced(self, signals: Signals, compliance: Floats) -> "Forces":
         """Balance the springs where they are in the response to these forces.
 
         Args:
@@ -148,16 +154,16 @@ class _Forces:
         forces = self.forces if self.forces.size else np.zeros_like(springs.extensions)
         step = springs.balanced(forces, compliance) - forces
         change = _largest(springs.wrenches(forces + step) - self.wrenches)
-        stalled = change > STALLS * self.change
+        stalled = change > (1.0 - (1.0 - STALLS) * self.share) * self.change
         share = np.where(stalled, np.maximum(0.5 * self.share, SLOWEST), np.minimum(2.0 * self.share, 1.0))
         forces = forces + share[:, None] * step
-        return _Forces(self.effects, forces, springs.wrenches(forces), change, share)
+        return Forces(self.effects, forces, springs.wrenches(forces), change, share)
 
-    def taken(self, balanced: "_Forces", samples: Flags) -> "_Forces":
+    def taken(self, balanced: "Forces", samples: Flags) -> "Forces":
         """Take the balanced forces at some samples, shape (samples,)."""
         if not self.forces.size:
             return balanced
-        return _Forces(
+        return Forces(
             self.effects,
             np.where(samples[:, None], balanced.forces, self.forces),
             np.where(samples[:, None, None], balanced.wrenches, self.wrenches),
