@@ -236,7 +236,9 @@ def fit_effects(
     follows = exact and not contacts.all()
 
     def anew() -> None:
-        """Differentiate by the parameters of contacts on the model itself."""
+        """Differentiate by the parameters of contacts, if there are any, on the model itself."""
+        if not contacts.any():
+            return
         ahead = slopes_of(problem, hypotheses, parametrisation, values, change, exact=True, chosen=contacts)
         for slope, there in zip(slopes, ahead, strict=True):
             slope[:, contacts] = there[:, contacts]
@@ -267,10 +269,9 @@ def fit_effects(
             continue
         values, change, gain, refused, normal = trial, tried, reached, 0, None
         damping = max(0.1 * damping, LEAST_DAMPING)
-        if exact:
-            anew()
-        else:
+        if not exact:
             slopes = slopes_of(problem, hypotheses, parametrisation, values, change)
+        anew()
         if improved < SETTLED:
             break
     matrix, _ = normal or _normal(problem, slopes, change, parametrisation, values)

@@ -92,7 +92,7 @@ def simulate_with(
     response = arm.respond(drive, near, jacobians=True)
     forces = Forces.none(contacts, drive)
     open_samples = np.full(drive.samples, bool(shares or contacts))
-    for number in range(1, passes):
+    for number in range(1, passes if open_samples.any() else 1):
         residuals = {}
         for k, share in shares.items():
             wanted, after[k] = _share(effects[k], world, drive, response, share, before[k])
