@@ -71,7 +71,7 @@ class ArmResponse:
     def with_samples(self, chosen: Indices, answer: "ArmResponse") -> "ArmResponse":
         """Return the response with another one's at the samples of some numbers, shape (chosen,).
 
-        Derivatives that the other one lacks stay as they are.
+        Derivatives that either lacks stay as they are.
         """
 
         def put(array: NDArray[Any], new: NDArray[Any]) -> NDArray[Any]:
@@ -80,7 +80,7 @@ class ArmResponse:
             return array
 
         answered = answer._arrays
-        both = {n: (a, answered[n]) for n, a in self._arrays.items() if len(a) and answered[n].size}
+        both = {n: (a, answered[n]) for n, a in self._arrays.items() if a.size and answered[n].size}
         put_in: dict[str, Any] = {n: put(*pair) for n, pair in both.items()}
         frames = Frames(
             put(self.frames.positions, answer.frames.positions),

@@ -104,9 +104,9 @@ class ExactModel:
         simulation = simulate_with(answering, arm, self.world, fixed, near=near, passes=BALANCES)
         wrenches = drive.wrenches.copy()
         wrenches[nodes[touching]] = simulation.drive.wrenches - coupled
-        loaded = replace(drive, wrenches=wrenches)
-        response = self.arm.respond(loaded.at(nodes), begun.with_states(response.states), jacobians=False)
-        return loaded, _without(response, touching[simulation.unsettled])
+        answer = _moved(simulation.response, -offset[touching])
+        response = response.with_samples(touching, answer)
+        return replace(drive, wrenches=wrenches), _without(response, touching[simulation.unsettled])
 
     def between(self, values: Floats) -> Floats:
         """Interpolate between nodes, shape (nodes, ...), leaving out those without a value."""
