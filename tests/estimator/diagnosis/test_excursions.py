@@ -83,7 +83,7 @@ def test_samples_of_the_only_excursion_are_one(monkeypatch, spans, gain, *, acce
         "rng": None,
         "weights": type("Weights", (), {"effective_sample_fraction": 0.2}),
         "predicted": lambda *_: None,
-        "weighted_squares": lambda _: [(TIME, acting(*spans), STAYS)],
+        "weighted_squares": lambda *_: [(TIME, acting(*spans), STAYS)],
     }.items():
         object.__setattr__(search, name, value)
     candidate = cast("Any", type("Candidate", (), {"delta_bic": gain}))

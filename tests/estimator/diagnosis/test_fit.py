@@ -33,7 +33,7 @@ class Runaway:
 
     world = world()
 
-    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> np.ndarray:
+    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False, **_: object) -> np.ndarray:
         size = float(effects[0].theta[0])
         return SHAPE * (size / (1.0 + size) if exact else size)
 
@@ -71,14 +71,14 @@ class Walled:
     world = world()
     depth = np.maximum(SHAPE, 0.0)
 
-    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> np.ndarray:
+    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False, **_: object) -> np.ndarray:
         return stiffened(self.depth, float(effects[0].theta[0]))
 
 
 class Stiffening(Walled):
     """The same, of an arm that stiffens as it is pushed back, which its linearisation does not."""
 
-    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> np.ndarray:
+    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False, **_: object) -> np.ndarray:
         linear = super().change(effects)
         return linear / (1.0 - 0.1 * linear) if exact else linear
 
@@ -120,7 +120,7 @@ class Creeping:
     world = world()
     late = np.roll(SHAPE, 20, axis=0)
 
-    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> np.ndarray:
+    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False, **_: object) -> np.ndarray:
         strength, _, relaxed = effects[0].theta
         return (SHAPE + strength * self.late) / (1.0 + relaxed * strength) - SHAPE
 

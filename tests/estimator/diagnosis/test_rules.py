@@ -18,6 +18,7 @@ from softarm.estimator.diagnosis.candidates import (
     ChosenEffects,
     includes,
     is_distinguishable,
+    is_moved,
     plainest_first,
     restates,
     surprise,
@@ -760,6 +761,7 @@ def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_we
         assert search.another_stretch(pulled, [material]) is stretches
 
 
+@pytest.mark.parametrize("rival", [True, False])
 @pytest.mark.parametrize(
     ("better", "worth", "taken"),
     [
@@ -768,12 +770,24 @@ def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_we
         ("tip_payload", 120.0, "tip_payload"),
     ],
 )
-def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(better, worth, taken):
-    """A payload that stood for a part of a gain too gives way to what explains more beside the gain."""
-    payload = candidate(fit_of("tip_payload", 0.03), 110.0, 0)
+def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(
+    monkeypatch, better, worth, taken, *, rival: bool
+):
+    """A payload that stood for a part of a gain too gives way to what explains more beside the gain.
+
+    That may have been no rival before: it is looked for where the size of the payload has moved.
+    """
+    payload = candidate(fit_of("tip_payload", 0.03, deviation=0.002), 110.0, 0)
+    now = payload.fit if rival else fit_of("tip_payload", 0.027, deviation=0.002)
     mass = candidate(fit_of("distributed_mass", 0.1), 100.0, 1)
     later = candidate(fit_of("chamber_gain", 0.1), 60.0, 2)
-    first, second = Accepted(payload, judgement(), (payload, mass)), Accepted(later, judgement(), (later,))
+    field = (payload, mass) if rival else (payload,)
+    first, second = Accepted(payload, judgement(), field), Accepted(later, judgement(), (later,))
+
+    def screened(evidence, marginal, taken):
+        assert not rival
+        assert taken == {2, 7}
+        return [(0, 50.0, payload.fit.thetas[0]), (1, 40.0, mass.fit.thetas[0]), (3, 5.0, np.zeros(1))]
 
     def best(field, left, null, others):
         assert [one.number for one in field] == [0, 1]
@@ -788,18 +802,30 @@ def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(better
         finalists=lambda _, left, ranked: [{0: payload, 1: mass}[number] for number, *_ in ranked],
         best=best,
         worth=lambda fit: worth if fit.hypotheses[0].name == "distributed_mass" else 100.0,
+        evidence=None,
+        marginal=lambda _: None,
+        at_size=lambda ranked, _: ranked,
     )
+    monkeypatch.setattr("softarm.estimator.diagnosis.choose.screen", screened)
     accepted, fit = Search.reconsidered(
-        cast("Any", search), [first, second], payload.fit.joined(later.fit), np.zeros(1)
+        cast("Any", search), [first, second], now.joined(later.fit), np.zeros(1), frozenset({7})
     )
     names = [taken, "chamber_gain"]
     assert [one.candidate.fit.hypotheses[0].name for one in accepted] == names
     assert fit is not None
     assert [h.name for h in fit.hypotheses] == names
     assert [theta.tolist() for theta in fit.thetas] == [
-        [0.1 if taken == "distributed_mass" else 0.03],
+        [0.1] if taken == "distributed_mass" else now.thetas[0].tolist(),
         [0.1],
     ]
+
+
+@pytest.mark.parametrize(("share", "moved"), [(0.9, False), (1.1, True), (-1.1, True)])
+def test_an_effect_has_moved_by_more_than_its_deviation(share, moved):
+    then = fit_of("tip_payload", 0.03, deviation=0.002)
+    later = fit_of("chamber_gain", 0.1)
+    now = later.joined(fit_of("tip_payload", 0.03 + share * 0.002))
+    assert is_moved(now, 1, then) is moved
 
 
 def confirming(*left: float) -> list[NormalEquations]:

@@ -74,7 +74,7 @@ class Weighed:
     def error_std(self, scale: np.ndarray) -> np.ndarray:
         return np.broadcast_to(scale, self.residual.shape)
 
-    def change(self, effects, *, exact: bool = False) -> np.ndarray:
+    def change(self, effects, *, exact: bool = False, **_: object) -> np.ndarray:
         return self.shape * sum(float(effect.theta[0]) for effect in effects)
 
 
@@ -126,7 +126,7 @@ def test_the_model_itself_tells_sizes_unless_it_explains_much_less(search, monke
     monkeypatch.setattr(search, "solvable", lambda _, **__: True)
     plain = Weighed.change
 
-    def change(stage, placed, *, exact=False):
+    def change(stage, placed, *, exact=False, **_):
         return plain(stage, placed) * (answer if exact else 1.0)
 
     monkeypatch.setattr(Weighed, "change", change)

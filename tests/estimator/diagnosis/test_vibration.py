@@ -16,6 +16,7 @@ from softarm.estimator.diagnosis.vibration import (
     with_vibration,
 )
 from softarm.estimator.effects import EFFECTS, Spot
+from softarm.estimator.effects.effect import ModalChange
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.simulation.inertia import Masses, StrainDynamics, VibratingArm
 from softarm.estimator.specimen.physics import Place
@@ -115,6 +116,48 @@ def test_an_arm_vibrates_about_what_an_effect_changes(calm: Stage) -> None:
     assert plain.change([gain]) == pytest.approx(still - 0.2 * lag, abs=0.02 * np.abs(lag).max())
 
 
+def test_an_arm_vibrates_with_all_effects_together(calm: Stage) -> None:
+    payload, less = 0.02, -0.2
+    plain, light = vibrating(calm, MASSES)
+    _, heavy = vibrating(calm, replace(MASSES, sections=MASSES.sections + np.array([0.0, payload])))
+    carried = PlacedEffect(
+        EFFECTS["tip_payload"], Spot(calm.world, Place(section="tip")), np.array([payload])
+    )
+    gain = PlacedEffect(EFFECTS["chamber_gain"], Spot(calm.world, Place()), np.array([less]))
+    still, swing = calm.change([gain]), np.linalg.norm(heavy - light)
+    together = plain.change([carried, gain]) - (still + (1.0 + less) * heavy - light)
+    assert np.linalg.norm(together) < 0.1 * swing  # it has no rotary inertia
+    beside = plain.change([gain], beside=[carried]) - (still + less * heavy)
+    assert np.linalg.norm(beside) < 0.1 * abs(less) * swing
+    assert np.linalg.norm(plain.change([gain]) - (still + less * heavy)) > 0.9 * abs(less) * swing
+
+
+def test_on_a_compliant_base_a_gain_scales_how_the_base_rocks_too(calm: Stage) -> None:
+    less = -0.2
+    plain, lag = vibrating(calm, MASSES)
+    base = PlacedEffect(EFFECTS["base_compliance"], Spot(calm.world, Place()), np.array([20.0, 0.05]))
+    gain = PlacedEffect(EFFECTS["chamber_gain"], Spot(calm.world, Place()), np.array([less]))
+    rocked = plain.change([base])
+    expected = calm.change([gain]) + less * lag + (1.0 + less) * rocked
+    assert plain.change([gain, base]) == pytest.approx(expected, abs=0.02 * np.abs(lag).max())
+    assert np.abs(rocked).max() > 0.1 * np.abs(lag).max()
+
+
+def test_an_arm_as_much_heavier_as_stiffer_vibrates_as_before(calm: Stage) -> None:
+    more = 0.4
+    plain, lag = vibrating(calm, replace(MASSES, sections=np.zeros(2)), damping=0.0)
+    heavier = PlacedEffect(EFFECTS["distributed_mass"], Spot(calm.world, Place()), np.array([more]))
+    stiffer = [
+        PlacedEffect(EFFECTS["segment_stiffness"], Spot(calm.world, Place(segment=segment)), np.array([more]))
+        for segment in calm.world.segments
+    ]
+    rested = lag / (1.0 + more) - lag  # it vibrates about what bends it less
+    vibrated = plain.change([heavier, *stiffer]) - calm.change(stiffer)
+    assert vibrated == pytest.approx(rested, abs=0.02 * np.abs(lag).max())
+    apart = sum(plain.change([one]) for one in (heavier, *stiffer)) - calm.change(stiffer)
+    assert np.abs(apart - rested).max() > 0.1 * np.abs(lag).max()
+
+
 def test_a_law_that_stiffens_the_material_lets_the_arm_vibrate_faster(calm: Stage) -> None:
     """Friction that never slips is a stiffness, beside the pose from which it starts."""
     plain, lag = vibrating(calm, MASSES)
@@ -146,7 +189,9 @@ def _rocked(gravity: float, compliance: float, damping_time: float) -> tuple[np.
         VibratingArm(clock, dynamics, (0.02, 0.0), 0.0, every, every), np.zeros((len(clock), 8)), weighed
     )
     turn = np.where(clock < 0.5, 0.0, 0.01)[:, None] * np.array([0.0, 1.0, 0.0])
-    _, rocking = vibrations.rocked(turn, compliance, damping_time, replace(world(), masses=heavy.sections))
+    base = ModalChange(base_compliance=compliance, base_damping_time=damping_time)
+    there = replace(world(), masses=heavy.sections)
+    _, rocking = vibrations.rocked(vibrations.arm, np.zeros_like(vibrations.still), turn, base, there)
     return clock, (rocking - turn)[:, 1]
 
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import gammainccinv, ndtr
 
-from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.fit import Fit, Parametrisation
 from softarm.estimator.diagnosis.judge import Judgement
 from softarm.estimator.effects.effect import ParameterSpec
 from softarm.estimator.specimen.physics import EffectName
@@ -96,6 +96,20 @@ def surprise(fit: Fit) -> float:
         if parameter.role == "amplitude"
     ]
     return float(min(sum(sizes), MOST_SURPRISE))
+
+
+def is_moved(fit: Fit, number: int, alone: Fit) -> bool:
+    """Return whether the size of an effect has moved by more than its deviation since it was accepted.
+
+    Args:
+        fit: All effects.
+        number: The effect.
+        alone: Its fit then, beside those that were accepted before it.
+    """
+    parametrisation = Parametrisation.of((fit.hypotheses[number],))
+    sizes = parametrisation.amplitudes
+    moved = parametrisation.units(fit.thetas[number]) - parametrisation.units(alone.thetas[-1])
+    return bool((np.abs(moved) > alone.scaled_stds(len(alone.thetas) - 1))[sizes].any())
 
 
 def is_distinguishable(fit: Fit, number: int) -> bool:

@@ -14,6 +14,7 @@ from softarm.estimator.diagnosis.candidates import (
     Candidate,
     ChosenEffects,
     is_distinguishable,
+    is_moved,
     plainest_first,
     restates,
 )
@@ -26,6 +27,7 @@ from softarm.estimator.diagnosis.fit import (
     fit_effects,
     fit_laws,
     gain_of,
+    placed_effects,
 )
 from softarm.estimator.diagnosis.folds import Combinations, Folds, Marginaliser
 from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
@@ -38,6 +40,7 @@ from softarm.estimator.diagnosis.screen import null_scores, screen, usual_gains
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.effects import Effect, ParameterSpec
+from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.specimen.physics import EffectName
 
 MOST = 4
@@ -87,6 +90,7 @@ class Search:
         tried: Candidates by their number and what was accepted before them.
         settled: Those of them that have been fitted on the model itself, whichever fit was kept.
         predictions: How well folds are predicted, by the candidate's fit and what was accepted before it.
+        refitted: Joint fits, by where they began.
     """
 
     evidence: RegressionProblem
@@ -105,6 +109,7 @@ class Search:
     tried: dict[tuple[object, ...], Candidate | None] = field(default_factory=dict, compare=False)
     settled: set[tuple[object, ...]] = field(default_factory=set, compare=False)
     predictions: dict[tuple[object, ...], FoldCosts] = field(default_factory=dict, compare=False)
+    refitted: dict[tuple[object, ...], Fit] = field(default_factory=dict, compare=False)
 
     def run(self, refused: frozenset[int] = frozenset()) -> ChosenEffects:
         """Add effects while they hold.
@@ -138,7 +143,7 @@ class Search:
             accepted, fit, dropped = self.pruned(accepted, fit)
             refused |= dropped
             if fit is not None:
-                accepted, fit = self.reconsidered(accepted, fit, null)
+                accepted, fit = self.reconsidered(accepted, fit, null, refused)
         return ChosenEffects(tuple(accepted), fit, alarm_p, turned_down)
 
     def at_size(
@@ -206,14 +211,9 @@ class Search:
             ]
         return self.kept[key]
 
-    def change(self, stage: Stage, fit: Fit) -> Floats:
-        """Return what the effects of a fit change in a session, shape (samples, rows)."""
-        placed = [
-            h.placed(stage.world, theta)
-            for h, theta in zip(fit.hypotheses, fit.thetas, strict=True)
-            if h.place.sensor in (None, *stage.world.sensors)
-        ]
-        return stage.change(placed, exact=fit.exact)
+    def change(self, stage: Stage, fit: Fit, beside: Fit | None = None) -> Floats:
+        """Return what the effects of a fit change in a session beside others, shape (samples, rows)."""
+        return stage.change(placed_in(stage, fit), exact=fit.exact, beside=placed_in(stage, beside))
 
     def problem(self, fit: Fit | None = None) -> MarginalisedProblem:
         """Prepare nonlinear fits, to what a fit leaves, on the searched stretches of the recordings."""
@@ -227,7 +227,8 @@ class Search:
             used = np.isfinite(residual) & ~session.heldout[:, None]
             weight = used / self.evidence.scale(self.weights, number)
             common = self.evidence.columns[number][used] * weight[used][:, None].astype(np.float32)
-            weighted.append(RecordingResidual(stage, np.nan_to_num(residual) * weight, weight, common))
+            left = np.nan_to_num(residual) * weight
+            weighted.append(RecordingResidual(stage, left, weight, common, placed_in(stage, fit)))
         normal_equations = total(self.searched(fit), self.evidence.size)
         return MarginalisedProblem.of(
             weighted, self.prior, self.weights.effective_sample_fraction, normal_equations
@@ -411,13 +412,15 @@ class Search:
         judgement = judge(self.predicted(candidate, fit), self.rng, search_p, candidate.delta_bic)
         if not judgement.accepted:
             return judgement
-        seen = excursions_of(self.weighted_squares(candidate))
+        seen = excursions_of(self.weighted_squares(candidate, fit))
         if not seen.once:
             return judgement
         return replace(judgement, least=CERTAIN * self.weights.effective_sample_fraction * seen.samples)
 
-    def weighted_squares(self, candidate: Candidate) -> Iterator[tuple[Floats, Floats, float]]:
-        """Yield, of each recording in question, what ``excursions_of`` takes of a candidate's change.
+    def weighted_squares(
+        self, candidate: Candidate, fit: Fit | None
+    ) -> Iterator[tuple[Floats, Floats, float]]:
+        """Yield what ``excursions_of`` takes of a candidate's change beside a fit, by recording in question.
 
         Weighted squares of reported samples are zero. Those of samples that confirm count: if they do not
         show the effect, it is taken back.
@@ -426,7 +429,7 @@ class Search:
             session = stage.session
             if not session.nominal:
                 used = np.isfinite(self.evidence.residuals[number]) & ~session.reported[:, None]
-                change = self.change(stage, candidate.fit) / self.evidence.scale(self.weights, number)
+                change = self.change(stage, candidate.fit, fit) / self.evidence.scale(self.weights, number)
                 squares = np.sum(np.where(used, np.nan_to_num(change), 0.0) ** 2, axis=1)
                 yield session.clock, squares, self._samples_near_one_pose[number]
 
@@ -444,7 +447,7 @@ class Search:
         key = (_key(candidate.fit), _key(fit))
         if key not in self.predictions:
             folds = self.folds(fit)
-            new = self.new_columns(self.changes(candidate), fit)
+            new = self.new_columns(self.changes(candidate, fit), fit)
             prior, wanted = NOTHING, None
             if self.has_background(candidate):
                 prior, wanted = self.background(candidate, added(new), folds.whole.data)
@@ -479,9 +482,9 @@ class Search:
                 self.folded[key] = self.folds(None).renewed(parts)
         return self.folded[key]
 
-    def changes(self, candidate: Candidate) -> Callable[[Stage], Floats]:
-        """Return what gives the change by a candidate in a session, shape (samples, rows, 1)."""
-        return lambda stage: self.change(stage, candidate.fit)[..., None]
+    def changes(self, candidate: Candidate, beside: Fit | None = None) -> Callable[[Stage], Floats]:
+        """Return what gives the change by a candidate in a session beside a fit, shape (samples, rows, 1)."""
+        return lambda stage: self.change(stage, candidate.fit, beside)[..., None]
 
     def has_background(self, candidate: Candidate) -> bool:
         """Return whether nominal recordings may have a little of a candidate."""
@@ -550,22 +553,28 @@ class Search:
         return self.natural_frequency.gain_of(joint) - self.natural_frequency.gain_of(fit)
 
     def reconsidered(
-        self, accepted: Sequence[Accepted], fit: Fit, null: Floats
+        self, accepted: Sequence[Accepted], fit: Fit, null: Floats, refused: frozenset[int]
     ) -> tuple[list[Accepted], Fit]:
-        """Choose every effect but the last again among its rivals, now that those after it are known.
+        """Choose every effect but the last again, now that those after it are known.
 
-        An effect that is chosen while another is still unknown may stand for a part of both. A rival takes
-        its place only where all effects together explain more so.
+        An effect that is chosen while another is still unknown may stand for a part of both: a lower gain for
+        more mass and a stiffness that drifts. If its size has moved, what ranks best now is tried beside its
+        rivals of then. Another effect takes its place only where all effects together explain more so.
         """
         chosen = list(accepted)
         for number, one in enumerate(accepted[:-1]):
             others = [k for k in range(len(chosen)) if k != number]
             left = self.refit(fit.selected(others))
-            taken = {chosen[k].candidate.number for k in others}
+            taken = frozenset(chosen[k].candidate.number for k in others)
             rivals = [rival for rival in one.field if rival.number not in taken][:RESOLVED]
             ranked = [(rival.number, rival.delta_bic, rival.fit.thetas[-1]) for rival in rivals]
+            problem, known = self.problem(left), {rival.number for rival in rivals}
+            if is_moved(fit, number, one.candidate.fit):
+                screened = self.at_size(screen(self.evidence, self.marginal(left), taken | refused), problem)
+                likely = [entry for entry in screened if entry[1] > WORTH * screened[0][1]]
+                ranked += [entry for entry in likely if entry[0] not in known][:RESOLVED]
             found, _ = self.best(
-                self.finalists(self.problem(left), left, ranked), left, null, [chosen[k] for k in others]
+                self.finalists(problem, left, ranked), left, null, [chosen[k] for k in others]
             )
             if found is not None and found.candidate.number != one.candidate.number:
                 again = self.refit(left.inserted(found.candidate.fit, number))
@@ -614,12 +623,15 @@ class Search:
 
     def refit(self, fit: Fit) -> Fit:
         """Fit all accepted effects together, on the model itself where that is affordable."""
-        problem = self.problem()
-        best = fit_laws(problem, fit.hypotheses, fit.thetas)
-        if self.solvable(fit):
-            again = fit_effects(problem, best.hypotheses, best.thetas, exact=True, iterations=EXACT_STEPS)
-            best = max(best, again, key=lambda one: one.gain)
-        return self.conditioned(best)
+        key = _key(fit)
+        if key not in self.refitted:
+            problem = self.problem()
+            best = fit_laws(problem, fit.hypotheses, fit.thetas)
+            if self.solvable(fit):
+                again = fit_effects(problem, best.hypotheses, best.thetas, exact=True, iterations=EXACT_STEPS)
+                best = max(best, again, key=lambda one: one.gain)
+            self.refitted[key] = self.conditioned(best)
+        return self.refitted[key]
 
     def conditioned(self, fit: Fit) -> Fit:
         """Condition a fit on the natural frequency, where one was measured."""
@@ -633,6 +645,11 @@ def sizes_of(parameters: Sequence[ParameterSpec], theta: Floats) -> list[Floats]
     low, high = (np.array([getattr(one, bound) for one in parameters]) for bound in ("lower", "upper"))
     tried = (np.where(amplitudes, size * typical, theta) for size in SIZES)
     return [one for one in tried if ((low <= one) & (one <= high)).all()]
+
+
+def placed_in(stage: Stage, fit: Fit | None) -> tuple[PlacedEffect, ...]:
+    """Return the effects of a fit that act in a session."""
+    return () if fit is None else placed_effects(stage, fit.hypotheses, fit.thetas)
 
 
 def _key(fit: Fit | None) -> tuple[object, ...]:

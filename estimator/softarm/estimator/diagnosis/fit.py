@@ -14,6 +14,7 @@ from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import ParameterSpec
+from softarm.estimator.effects.placed import PlacedEffect
 
 ITERATIONS = 10
 STEP = 1e-3
@@ -37,12 +38,14 @@ class RecordingResidual:
         left: Residual over its scale, lost ones zero, shape (samples, rows).
         weight: Inverse scale, zero for lost or held-out residuals, shape (samples, rows).
         common: Columns of the common coefficients over their scale, for ``seen``, shape (seen, columns).
+        beside: Effects whose change the residual is without.
     """
 
     stage: Stage
     left: Floats
     weight: Floats
     common: NDArray[np.float32]
+    beside: tuple[PlacedEffect, ...] = ()
 
     @cached_property
     def seen(self) -> Indices:
@@ -335,15 +338,22 @@ def whitened(
     """Return what effects change, over the residuals' scale, each session flattened to one column."""
     changes = []
     for recorded in problem.residuals:
-        world = recorded.stage.world
-        placed = [
-            hypothesis.placed(world, theta)
-            for hypothesis, theta in zip(hypotheses, thetas, strict=True)
-            if hypothesis.place.sensor in (None, *world.sensors)
-        ]
-        change = recorded.stage.change(placed, exact=exact)
+        placed = placed_effects(recorded.stage, hypotheses, thetas)
+        change = recorded.stage.change(placed, exact=exact, beside=recorded.beside)
         changes.append(np.nan_to_num(change * recorded.weight, nan=0.0).reshape(-1, 1))
     return changes
+
+
+def placed_effects(
+    stage: Stage, hypotheses: Sequence[Hypothesis], thetas: Sequence[Floats]
+) -> tuple[PlacedEffect, ...]:
+    """Return those of some effects that act in a session: not on sensors that it does not have."""
+    world = stage.world
+    return tuple(
+        hypothesis.placed(world, theta)
+        for hypothesis, theta in zip(hypotheses, thetas, strict=True)
+        if hypothesis.place.sensor in (None, *world.sensors)
+    )
 
 
 def gain_of(

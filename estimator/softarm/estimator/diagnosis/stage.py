@@ -35,8 +35,9 @@ SUDDEN, RINGDOWN = 0.2, 0.7
 RINGING = 0.2
 LEVER = 0.1
 """See ``Stage.model_error_std``: [s], [s], a share, [m]."""
-KEPT = 300
-"""Changes of the predictions that are kept of each session, some tens of kilobytes each."""
+KEPT, ACTIONS = 300, 30
+"""Changes of the predictions that are kept of each session, some tens of kilobytes each, and actions on a
+vibration, of a hundred kilobytes."""
 
 
 @dataclass(frozen=True)
@@ -90,55 +91,31 @@ class Vibrations:
             return change + self.arm.lag(change)
         return change + other.lag(self.still + change) - self._usual_lag
 
-    def altered(self, modal: ModalChange, spot: Spot, stiffness: Floats | None) -> VibratingArm | None:
-        """Return the arm that an effect makes vibrate in another way, if it does.
-
-        Args:
-            modal: What it does to masses and damping.
-            spot: Where it does so.
-            stiffness: Factor on the stiffness of the segments there, shape (samples,), if it changes that.
-        """
-        if modal.vibrates_alike and stiffness is None:
-            return None
-        added = np.zeros(self.arm.dynamics.places.shape[1])
-        added[spot.section] = modal.added_mass
-        other = self.arm.heavier(modal.mass_ratio, added)
-        segments = np.repeat(spot.segments, 4)
-        other = other.slower(segments, modal.inertia_time, modal.damping_time)
-        return other if stiffness is None else other.stiffer(segments, stiffness)
-
-    def with_segments(self, segments: Sequence[EquivalentSegment]) -> VibratingArm:
-        """Return the arm with some segments of another stiffness and damping."""
-        strains = self.still.shape[1]
-        stiffness, damping_times = np.ones((strains, strains)), np.zeros((strains, strains))
-        for one in segments:
-            bends = one.bends, one.bends
-            stiffness[bends] = one.stiffness_factor
-            damping_times[bends] = one.damping_time * one.stiffness_factor
-        return self.arm.scaled(stiffness, damping_times)
-
     def rocked(
-        self, rotation: Floats, compliance: float, damping_time: float, world: World
+        self, arm: VibratingArm, change: Floats, rotation: Floats, modal: ModalChange, world: World
     ) -> tuple[Floats, Floats]:
-        """Return what a compliant base changes while the arm vibrates.
+        """Return what a compliant base and other effects change while the arm vibrates.
 
         Args:
+            arm: The arm with the other effects.
+            change: What these change of the quasi-static strains, shape (samples, strains).
             rotation: Of the base by the moment without it [rad], shape (samples, 3).
-            compliance: Of the base [rad/(N m)].
-            damping_time: Of the base [s].
+            modal: Compliance and damping of the base.
             world: The arm's masses.
 
         Returns:
-            What it changes of the strains, shape (samples, strains), and the rotation of the base [rad],
-            shape (samples, 3).
+            What changes of the strains, shape (samples, strains), and the rotation of the base [rad], shape
+            (samples, 3).
         """
+        compliance = modal.base_compliance
         resting = self.resting
         weight = BaseWeight.of(world, resting.drive, resting.baseline, self.strains_by_drive["gravity"])
         rested = weight.at_rest(rotation, compliance, self.arm.dynamics.stiffness)[:, :2]
-        still = np.concatenate([self.still + _applied(weight.by_rotation, rested), rested], axis=1)
-        arm = self.arm.on_a_base(compliance, damping_time, weight.by_rotation, weight.restoring)
-        upright = bool((np.linalg.eigvalsh(arm.dynamics.stiffness)[:, 0] > 0.0).all())
-        moved = still + arm.lag(still) if upright else still  # it would fall over, and not vibrate
+        strained = self.still + change + _applied(weight.by_rotation, rested)
+        still = np.concatenate([strained, rested], axis=1)
+        held = arm.on_a_base(compliance, modal.base_damping_time, weight.by_rotation, weight.restoring)
+        upright = bool((np.linalg.eigvalsh(held.dynamics.stiffness)[:, 0] > 0.0).all())
+        moved = still + held.lag(still) if upright else still  # it would fall over, and not vibrate
         strains, rocking = np.split(moved, [self.still.shape[1]], axis=1)
         return strains - self.still - self._usual_lag, np.pad(rocking, ((0, 0), (0, 1)))
 
@@ -155,6 +132,73 @@ class Vibrations:
     @cached_property
     def _usual_lag(self) -> Floats:
         return self.arm.lag(self.still)
+
+
+@dataclass(frozen=True)
+class StillChange:
+    """What effects change of an arm that does not vibrate, to first order; it adds up.
+
+    Args:
+        predictions: Of the predictions, shape (samples, rows, ...).
+        at_rest: Of the strains at rest, shape (samples, strains, ...).
+        there: The same by the poses through which the arm vibrates.
+    """
+
+    predictions: Floats
+    at_rest: Floats
+    there: Floats
+
+    @classmethod
+    def none(cls, stage: "Stage") -> "StillChange":
+        """Return no change."""
+        assert stage.vibrations is not None
+        strains = np.zeros_like(stage.vibrations.still)
+        return cls(np.zeros(stage.residual.shape), strains, strains)
+
+    def plus(self, other: "StillChange") -> "StillChange":
+        """Return both changes."""
+        return StillChange(
+            self.predictions + other.predictions, self.at_rest + other.at_rest, self.there + other.there
+        )
+
+
+@dataclass(frozen=True)
+class Action:
+    """What an effect does to an arm that vibrates.
+
+    Args:
+        still: What it changes at rest, and of a vibration beside what the others state.
+        modal: What it does to masses and damping.
+        spot: Where it does so.
+        stiffness: Factor on the stiffness of the segments there, shape (samples,), if it states that.
+        segments: Equivalent segments, of a law of the material.
+    """
+
+    still: StillChange
+    modal: ModalChange
+    spot: Spot
+    stiffness: Floats | None
+    segments: tuple[EquivalentSegment, ...]
+
+    def alter(self, arm: VibratingArm) -> VibratingArm:
+        """Return an arm as it vibrates with the effect; itself, where that is as before."""
+        added, ratio, chosen = self.modal.added_mass, self.modal.mass_ratio, np.repeat(self.spot.segments, 4)
+        if added != 0.0 or ratio != 1.0:
+            masses = np.zeros(arm.dynamics.places.shape[1])
+            masses[self.spot.section] = added
+            arm = arm.heavier(ratio, masses)
+        if self.modal.inertia_time != 0.0 or self.modal.damping_time != 0.0:
+            arm = arm.slower(chosen, self.modal.inertia_time, self.modal.damping_time)
+        if self.stiffness is not None:
+            arm = arm.stiffer(chosen, self.stiffness)
+        if self.segments:
+            stiffness, damping_times = np.ones((len(chosen),) * 2), np.zeros((len(chosen),) * 2)
+            for one in self.segments:
+                bends = one.bends, one.bends
+                stiffness[bends] = one.stiffness_factor
+                damping_times[bends] = one.damping_time * one.stiffness_factor
+            arm = arm.scaled(stiffness, damping_times)
+        return arm
 
 
 @dataclass(frozen=True)
@@ -305,20 +349,28 @@ class Stage:
         std: Floats = np.hypot(scale * self.compliance[:, None], self.model_error_std)
         return std
 
-    def change(self, effects: Sequence[PlacedEffect], *, exact: bool = False) -> Floats:
+    def change(
+        self, effects: Sequence[PlacedEffect], *, exact: bool = False, beside: Sequence[PlacedEffect] = ()
+    ) -> Floats:
         """Return by how much effects change the predictions, shape (samples, rows).
 
-        To first order effects add up; those that answer to the response need a search for a fixed point.
+        To first order effects add up but in how the arm vibrates; those that answer to the response need a
+        search for a fixed point.
 
         Args:
             effects: The effects.
             exact: Correct that by what the model itself predicts at some samples, but for sensors.
+            beside: Effects on which these come, and with which the arm vibrates already.
         """
         answering = [placed for placed in effects if placed.effect.responds_to_own_effect]
         sensing = [placed for placed in effects if placed.effect.hook == "sensing"]
         inner = [placed for placed in effects if placed not in (*answering, *sensing)]
         none, there = np.zeros(self.residual.shape), self._there
-        change: Floats = sum((there.first_order(placed) for placed in (*inner, *sensing)), none)
+        before = [placed for placed in beside if there.vibrates_with(placed)]
+        change: Floats = sum(
+            (there.first_order(placed) for placed in sensing), there.together([*before, *inner])
+        )
+        change = change - there.together(before)
         pushed = there._simulated(answering) if answering else none
         if exact and (inner or answering):
             still = sum((there.first_order(placed, vibrating=False) for placed in inner), pushed)
@@ -349,9 +401,14 @@ class Stage:
         return replace(self, arm=strained(self.arm), vibrations=vibrations, observed=None)
 
     @cached_property
-    def _recent(self) -> Recent:
+    def _recent(self) -> Recent[Floats]:
         """What effects were last found to change."""
         return Recent(KEPT)
+
+    @cached_property
+    def _recent_actions(self) -> "Recent[Action]":
+        """What effects were last found to do to the vibration."""
+        return Recent(ACTIONS)
 
     def _simulated(self, effects: Sequence[PlacedEffect]) -> Floats:
         """Return by how much effects that answer to the response change the predictions, to first order."""
@@ -417,9 +474,9 @@ class Stage:
     def _first_order(self, placed: PlacedEffect, *, vibrating: bool) -> Floats:
         if not placed.field:
             return self.innovation(self._misread(placed, self.base))
+        if vibrating and self.vibrates_with(placed):
+            return self._vibrated((placed,))
         drive, modal = self.drive, placed.effect.modal(placed.theta)
-        if vibrating and modal.base_compliance > 0.0 and self.vibrations is not None:
-            return self._rocked(placed, modal)
         change, _ = placed.change(self.signals)
         if placed.field == "base_rotation":
             if modal.base_compliance > 0.0:
@@ -427,10 +484,48 @@ class Stage:
             rotated = placed.apply(drive, change)
             usual = replace(drive, base_rotation=self._usual(rotated, (placed,)))
             return _applied(self.twist_jacobian, self.arm.twists(rotated) - self.arm.rigid(usual))
-        if self.vibrations is None or not vibrating:
-            return _applied(self.by_drive[placed.field], change.reshape(drive.samples, -1))
+        return _applied(self.by_drive[placed.field], change.reshape(drive.samples, -1))
+
+    def together(self, effects: Sequence[PlacedEffect]) -> Floats:
+        """Return by how much effects change the predictions together, to first order, shape (samples, rows).
+
+        What they change at rest adds up. How the arm vibrates does not: one that is heavier and stiffer by as
+        much vibrates as before.
+        """
+        none = np.zeros(self.residual.shape)
+        joint = [placed for placed in effects if self.vibrates_with(placed)]
+        if len(joint) < 2:
+            return sum((self.first_order(placed) for placed in effects), none)
+        apart: Floats = sum((self.first_order(p) for p in effects if not self.vibrates_with(p)), none)
+        return apart + self._recent.get(("together", *_keys(joint)), lambda: self._vibrated(joint))
+
+    def vibrates_with(self, placed: PlacedEffect) -> bool:
+        """Return whether an effect acts on a vibration: not on a sensor, a rigid base or by contact."""
+        if self.vibrations is None or not placed.field or placed.effect.responds_to_own_effect:
+            return False
+        return placed.field != "base_rotation" or placed.effect.modal(placed.theta).base_compliance > 0.0
+
+    def _vibrated(self, effects: Sequence[PlacedEffect]) -> Floats:
+        """Return what effects change of the predictions while the arm vibrates with all of them."""
+        assert self.vibrations is not None
+        bases = [placed for placed in effects if placed.field == "base_rotation"]
+        actions = [self._action(placed) for placed in effects if placed.field != "base_rotation"]
+        still, arm = StillChange.none(self), self.vibrations.arm
+        for action in actions:
+            still, arm = still.plus(action.still), action.alter(arm)
+        if bases:
+            return self._rocked(bases[0], still, arm)  # there is one place for a base
+        return self._swung(still, None if arm is self.vibrations.arm else arm)
+
+    def _action(self, placed: PlacedEffect) -> "Action":
+        """Return what an effect does to an arm that vibrates; not that of a base."""
+        return self._recent_actions.get(placed.key, lambda: self._acting(placed))
+
+    def _acting(self, placed: PlacedEffect) -> "Action":
+        assert self.vibrations is not None
+        segments: tuple[EquivalentSegment, ...] = ()
+        change, _ = placed.change(self.signals)
         stiffness = placed.stiffness(self.signals.time)
-        other = self.vibrations.altered(modal, placed.spot, stiffness)
         if placed.effect.only_vibrates:
             change = np.zeros_like(change)
         elif stiffness is not None:
@@ -440,8 +535,8 @@ class Stage:
             at_rest, _ = placed.change(self._signals_at_rest)
             least = -self.vibrations.arm.damping[1]
             segments, change = linearise(self._vibration, change, at_rest, placed.spot.segments, least)
-            other = self.vibrations.with_segments(segments)
-        return self._moved(placed.field, change.reshape(drive.samples, -1), other)
+        still = self._still(placed.field, change.reshape(self.drive.samples, -1))
+        return Action(still, placed.effect.modal(placed.theta), placed.spot, stiffness, segments)
 
     def first_order_of_many(self, effects: Sequence[PlacedEffect]) -> Floats:
         """Return that of each of some effects, alone; ``superposes`` holds of them, and they change one part.
@@ -450,42 +545,61 @@ class Stage:
             Shape (samples, rows, effects).
         """
         changes = [placed.change(self.signals)[0].reshape(self.drive.samples, -1) for placed in effects]
-        return self._moved(effects[0].field, np.stack(changes, axis=-1))
-
-    def _moved(self, field: str, change: Floats, other: VibratingArm | None = None) -> Floats:
-        """Return what changes of a part of the drive change, shape (samples, rows, ...).
-
-        Args:
-            field: The part.
-            change: Shape (samples, inputs, ...).
-            other: The arm as it vibrates then, if that is another way.
-        """
-        moved = _applied(self.by_drive[field], change)
+        field, change = effects[0].field, np.stack(changes, axis=-1)
         if self.vibrations is None:
-            return moved
-        # By poses that it only swings through, close to a limit point, it would yield far: it yields at rest.
+            return _applied(self.by_drive[field], change)
+        return self._swung(self._still(field, change))
+
+    def _still(self, field: str, change: Floats) -> "StillChange":
+        """Return what a change of a part of the drive, shape (samples, inputs, ...), changes at rest.
+
+        By poses that it only swings through, close to a limit point, it would yield far: it yields at rest.
+        """
+        assert self.vibrations is not None
         at_rest, there = (
             np.nan_to_num(_applied(by_drive[field], change))
             for by_drive in (self.vibrations.strains_by_drive, self.strains_by_drive)
         )
-        strained = self.vibrations.strains(at_rest, other) - there
+        return StillChange(_applied(self.by_drive[field], change), at_rest, there)
+
+    def _swung(self, still: "StillChange", other: VibratingArm | None = None) -> Floats:
+        """Return what changes of the predictions while the arm vibrates, shape (samples, rows, ...).
+
+        Args:
+            still: What changes at rest.
+            other: The arm as it vibrates then, if that is another way.
+        """
+        assert self.vibrations is not None
+        return self._read(still.predictions, self.vibrations.strains(still.at_rest, other) - still.there)
+
+    def _read(self, moved: Floats, strained: Floats) -> Floats:
+        """Add what further strains change of the predictions, shape (samples, rows, ...).
+
+        Args:
+            moved: What changes of them without these, shape (samples, rows, ...).
+            strained: The strains, shape (samples, strains, ...).
+        """
         *_, stable = self._strain_stiffness
-        known = stable.reshape(-1, *(1,) * (change.ndim - 1))
+        known = stable.reshape(-1, *(1,) * (strained.ndim - 1))
         return np.where(known, moved + _applied(self._strain_jacobian, strained), 0.0)
 
-    def _rocked(self, placed: PlacedEffect, modal: ModalChange) -> Floats:
-        """Return what a compliant base changes while the arm vibrates on it, shape (samples, rows)."""
+    def _rocked(self, base: PlacedEffect, still: "StillChange", other: VibratingArm) -> Floats:
+        """Return what a compliant base and other effects change of the predictions, shape (samples, rows).
+
+        Args:
+            base: The base.
+            still: What the other effects change at rest.
+            other: The arm as it vibrates with these.
+        """
         assert self.vibrations is not None
-        rotation, _ = placed.change(self._signals_at_rest)
+        rotation, _ = base.change(self._signals_at_rest)
         strains, rocking = self.vibrations.rocked(
-            np.nan_to_num(rotation), modal.base_compliance, modal.base_damping_time, self.world
+            other, still.at_rest, np.nan_to_num(rotation), base.effect.modal(base.theta), self.world
         )
-        rotated = placed.apply(self.drive, rocking)
-        usual = replace(self.drive, base_rotation=self._usual(rotated, (placed,)))
+        rotated = base.apply(self.drive, rocking)
+        usual = replace(self.drive, base_rotation=self._usual(rotated, (base,)))
         rigid = self.arm.rigid(rotated) - self.arm.rigid(usual)
-        change = _applied(self.twist_jacobian, rigid) + _applied(self._strain_jacobian, strains)
-        *_, stable = self._strain_stiffness
-        return np.where(stable[:, None], change, 0.0)
+        return self._read(still.predictions + _applied(self.twist_jacobian, rigid), strains - still.there)
 
     @cached_property
     def signals(self) -> Signals:
