@@ -757,7 +757,7 @@ def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_we
     search = searching(Library((stiff, along), ()))
     material = Accepted(candidate(fit_of("material_stiffening", 0.5), 1000.0, 0), judgement(), ())
     for share, stretches in ((0.9 * SECOND, True), (1.1 * SECOND, False)):
-        pulled = candidate(fit_of("external_force", 0.0, 0.0, 0.2), share * 1000.0, 1)
+        pulled = candidate(fit_of("external_force", 0.0, 0.0, 0.2, 0.0), share * 1000.0, 1)
         assert search.another_stretch(pulled, [material]) is stretches
 
 

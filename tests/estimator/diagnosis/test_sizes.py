@@ -154,8 +154,8 @@ def test_a_size_of_the_other_sign_is_no_estimate_of_the_same_effect():
     assert not reversed_sign(fit, replace(fit, thetas=(np.array([0.05]),)))
     assert reversed_sign(fit, replace(fit, thetas=(np.array([-0.001]),)))
     force = Hypothesis(EFFECTS["external_force"], Place(section="tip"))
-    pulled = Fit((force,), (np.array([0.2, 0.01, 0.0]),), np.eye(3), 1.0)
-    assert not reversed_sign(pulled, replace(pulled, thetas=(np.array([0.2, -0.01, 0.0]),)))
+    pulled = Fit((force,), (np.array([0.2, 0.01, 0.0, 0.0]),), np.eye(4), 1.0)
+    assert not reversed_sign(pulled, replace(pulled, thetas=(np.array([0.2, -0.01, 0.0, 0.0]),)))
 
 
 def test_a_size_that_turns_out_reversed_stays_and_is_less_certain(search):

@@ -230,12 +230,33 @@ def test_a_defective_ring_strains_as_the_sum_of_its_fibres(modulus: float, width
     assert np.abs(bent - plain).max() > 0.01
 
 
-def test_a_payload_weighs_like_a_force_in_the_direction_of_gravity():
-    gravity = (2.0, 0.0, 9.6)
+GRAVITIES = [(2.0, 0.0, 9.6), (-9.81, 0.0, 0.0), (3.0, -4.0, -8.0), (0.0, 0.0, -9.81)]
+
+
+@pytest.mark.parametrize("gravity", GRAVITIES)
+def test_a_payload_weighs_like_a_force_in_the_direction_of_gravity(gravity):
     drive = drive_of(np.arange(2.0), np.zeros((2, 6)), gravity)
     weight = bends(drive, placed("tip_payload", [0.1], section="tip"))
-    force = bends(drive, placed("external_force", 0.1 * np.array(gravity), section="tip"))
+    force = bends(drive, placed("external_force", [*(0.1 * np.array(gravity)), 0.0], section="tip"))
     assert np.allclose(weight, force)
+    size = 0.1 * np.linalg.norm(gravity)
+    falling = bends(drive, placed("external_force", [0.0, 0.0, size, 1.0], section="tip"))
+    assert np.allclose(weight, falling, atol=1e-6)
+
+
+def test_a_force_of_the_laboratory_turns_back_where_the_mount_is_turned():
+    """The mount turns by 90 degrees about the base's y axis: gravity then pulls along -x, and x points up."""
+    drive = drive_of(np.arange(2.0), np.zeros((2, 6)), (-9.81, 0.0, 0.0))
+    for hanging, sideways in (
+        ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)),
+        ((0.0, 1.0, 0.0), (0.0, 1.0, 0.0)),
+        ((0.0, 0.0, 1.0), (-1.0, 0.0, 0.0)),
+    ):
+        one, other = (
+            placed("external_force", [*(0.1 * np.array(force)), laboratory], section="tip")
+            for force, laboratory in ((hanging, 1.0), (sideways, 0.0))
+        )
+        assert bends(drive, one) == pytest.approx(bends(drive, other))
 
 
 @pytest.mark.parametrize("stiffness", [5.0, 50.0, 500.0])

@@ -7,6 +7,10 @@ from softarm.estimator.effects.effect import Effect, Memory, ModalChange, Parame
 from softarm.estimator.effects.springs import Springs
 from softarm.estimator.effects.surface import POINTS
 from softarm.estimator.effects.world import AROUND, Spot, everywhere, moving_sections
+from softarm.estimator.rotations import exp
+
+TINY = 1e-9
+"""Horizontal share of gravity below which the arm hangs, or stands."""
 
 
 def base_compliance(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:  # noqa: ARG001
@@ -137,10 +141,28 @@ CONTACT_OBSTACLE = Effect(
 
 
 def external_force(signals: Signals, theta: Floats, spot: Spot, memory: Memory) -> tuple[Floats, Memory]:
-    """Push a section with a constant force of unknown origin, fixed in the base frame."""
+    """Push a section with a constant force of unknown origin, fixed to the base or in the laboratory.
+
+    A weight that pulls over a pulley stays as it is where the mount is turned; in axes of the base it turns.
+    """
+    *force, laboratory = theta.tolist()
     wrenches = np.zeros((len(signals.time), len(spot.world.sections), 6))
-    wrenches[:, spot.section, :3] = theta
+    turned = _turns(signals.gravity) if laboratory else np.eye(3)
+    wrenches[:, spot.section, :3] = turned @ np.array(force)
     return wrenches, memory
+
+
+def _turns(gravity: Floats) -> Floats:
+    """Return by how much the laboratory is turned, in base axes, since the arm hung, shape (samples, 3, 3).
+
+    Gravity, shape (samples, 3), tells all but a turn of the mount about the vertical, which is taken to be
+    none.
+    """
+    x, y, z = (gravity / np.maximum(np.linalg.norm(gravity, axis=1, keepdims=True), TINY)).T
+    level = np.hypot(x, y)
+    axis = np.stack([-y, x, np.zeros_like(x)], axis=-1) / np.maximum(level, TINY)[:, None]
+    axis[level < TINY] = 1.0, 0.0, 0.0  # any level one
+    return exp(axis * np.arctan2(level, z)[:, None])
 
 
 ALONG = 0.2
@@ -149,7 +171,7 @@ ALONG = 0.2
 
 def along_arm(theta: Floats) -> bool:
     """Return whether the force only stretches the arm."""
-    x, y, z = theta.tolist()
+    x, y, z, _ = theta.tolist()
     return bool(np.hypot(x, y) < ALONG * abs(z))
 
 
@@ -160,15 +182,18 @@ EXTERNAL_FORCE = Effect(
         ParameterSpec("force_x", "N", 0.05, -20.0, 20.0, spread=0.2),
         ParameterSpec("force_y", "N", 0.05, -20.0, 20.0, spread=0.2),
         ParameterSpec("force_z", "N", 0.05, -20.0, 20.0, spread=0.2),
+        ParameterSpec("laboratory", "1", 0.0, 0.0, 1.0, "shape", choices=(0.0, 1.0)),
     ),
     places=moving_sections,
     act=external_force,
     statement="A constant force acts on {where}: ({force_x:number}, {force_y:number}, {force_z:number}) N "
-    "along x, y and z of the base.",
+    "along x, y and z of the base{laboratory:=, with which it turns| as it hangs, and stays so where the "
+    "mount is turned}.",
     source="Statics",
     needs=frozenset({"motion"}),
     splits=(("tip_payload", "mount turned"), ("contact_obstacle", "reach one pose by different chambers")),
     along_arm=along_arm,
+    shapes=((0.0,), (1.0,)),
 )
 
 
