@@ -167,7 +167,7 @@ class Action:
     """What an effect does to an arm that vibrates.
 
     Args:
-        still: What it changes at rest, and of a vibration beside what the others state.
+        still: What it changes at rest; of a law of the material, what its segments leave of that.
         modal: What it does to masses and damping.
         spot: Where it does so.
         stiffness: Factor on the stiffness of the segments there, shape (samples,), if it states that.
@@ -515,7 +515,7 @@ class Stage:
             still, arm = still.plus(action.still), action.alter(arm)
         if bases:
             return self._rocked(bases[0], still, arm)  # there is one place for a base
-        return self._swung(still, None if arm is self.vibrations.arm else arm)
+        return self._with_vibration(still, None if arm is self.vibrations.arm else arm)
 
     def _action(self, placed: PlacedEffect) -> "Action":
         """Return what an effect does to an arm that vibrates; not that of a base."""
@@ -548,7 +548,7 @@ class Stage:
         field, change = effects[0].field, np.stack(changes, axis=-1)
         if self.vibrations is None:
             return _applied(self.by_drive[field], change)
-        return self._swung(self._still(field, change))
+        return self._with_vibration(self._still(field, change))
 
     def _still(self, field: str, change: Floats) -> "StillChange":
         """Return what a change of a part of the drive, shape (samples, inputs, ...), changes at rest.
@@ -562,7 +562,7 @@ class Stage:
         )
         return StillChange(_applied(self.by_drive[field], change), at_rest, there)
 
-    def _swung(self, still: "StillChange", other: VibratingArm | None = None) -> Floats:
+    def _with_vibration(self, still: "StillChange", other: VibratingArm | None = None) -> Floats:
         """Return what changes of the predictions while the arm vibrates, shape (samples, rows, ...).
 
         Args:
