@@ -568,8 +568,9 @@ class Search:
             taken = frozenset(chosen[k].candidate.number for k in others)
             rivals = [rival for rival in one.field if rival.number not in taken][:RESOLVED]
             ranked = [(rival.number, rival.delta_bic, rival.fit.thetas[-1]) for rival in rivals]
-            problem, known = self.problem(left), {rival.number for rival in rivals}
+            problem = self.problem(left)
             if is_moved(fit, number, one.candidate.fit):
+                known = {rival.number for rival in rivals}
                 screened = self.at_size(screen(self.evidence, self.marginal(left), taken | refused), problem)
                 likely = [entry for entry in screened if entry[1] > WORTH * screened[0][1]]
                 ranked += [entry for entry in likely if entry[0] not in known][:RESOLVED]

@@ -406,7 +406,7 @@ class Stage:
         return Recent(KEPT)
 
     @cached_property
-    def _recent_actions(self) -> "Recent[Action]":
+    def _recent_actions(self) -> Recent[Action]:
         """What effects were last found to do to the vibration."""
         return Recent(ACTIONS)
 
@@ -476,9 +476,10 @@ class Stage:
             return self.innovation(self._misread(placed, self.base))
         if vibrating and self.vibrates_with(placed):
             return self._vibrated((placed,))
-        drive, modal = self.drive, placed.effect.modal(placed.theta)
+        drive = self.drive
         change, _ = placed.change(self.signals)
         if placed.field == "base_rotation":
+            modal = placed.effect.modal(placed.theta)
             if modal.base_compliance > 0.0:
                 change = self._base_weight.at_rest(change, modal.base_compliance, self._strain_stiffness[1])
             rotated = placed.apply(drive, change)
@@ -517,11 +518,11 @@ class Stage:
             return self._rocked(bases[0], still, arm)  # there is one place for a base
         return self._with_vibration(still, None if arm is self.vibrations.arm else arm)
 
-    def _action(self, placed: PlacedEffect) -> "Action":
+    def _action(self, placed: PlacedEffect) -> Action:
         """Return what an effect does to an arm that vibrates; not that of a base."""
         return self._recent_actions.get(placed.key, lambda: self._acting(placed))
 
-    def _acting(self, placed: PlacedEffect) -> "Action":
+    def _acting(self, placed: PlacedEffect) -> Action:
         assert self.vibrations is not None
         segments: tuple[EquivalentSegment, ...] = ()
         change, _ = placed.change(self.signals)
@@ -550,7 +551,7 @@ class Stage:
             return _applied(self.by_drive[field], change)
         return self._with_vibration(self._still(field, change))
 
-    def _still(self, field: str, change: Floats) -> "StillChange":
+    def _still(self, field: str, change: Floats) -> StillChange:
         """Return what a change of a part of the drive, shape (samples, inputs, ...), changes at rest.
 
         By poses that it only swings through, close to a limit point, it would yield far: it yields at rest.
@@ -562,7 +563,7 @@ class Stage:
         )
         return StillChange(_applied(self.by_drive[field], change), at_rest, there)
 
-    def _with_vibration(self, still: "StillChange", other: VibratingArm | None = None) -> Floats:
+    def _with_vibration(self, still: StillChange, other: VibratingArm | None = None) -> Floats:
         """Return what changes of the predictions while the arm vibrates, shape (samples, rows, ...).
 
         Args:
@@ -583,7 +584,7 @@ class Stage:
         known = stable.reshape(-1, *(1,) * (strained.ndim - 1))
         return np.where(known, moved + _applied(self._strain_jacobian, strained), 0.0)
 
-    def _rocked(self, base: PlacedEffect, still: "StillChange", other: VibratingArm) -> Floats:
+    def _rocked(self, base: PlacedEffect, still: StillChange, other: VibratingArm) -> Floats:
         """Return what a compliant base and other effects change of the predictions, shape (samples, rows).
 
         Args:

@@ -155,8 +155,8 @@ def external_force(signals: Signals, theta: Floats, spot: Spot, memory: Memory) 
 def _turns(gravity: Floats) -> Floats:
     """Return by how much the laboratory is turned, in base axes, since the arm hung, shape (samples, 3, 3).
 
-    Gravity, shape (samples, 3), tells all but a turn of the mount about the vertical, which is taken to be
-    none.
+    Gravity, shape (samples, 3), determines all of it but a rotation of the mount about the vertical, which is
+    assumed to be none.
     """
     x, y, z = (gravity / np.maximum(np.linalg.norm(gravity, axis=1, keepdims=True), TINY)).T
     level = np.hypot(x, y)
