@@ -9,6 +9,7 @@ import numpy as np
 
 from softarm.cli.output import PATH
 from softarm.estimator.errors import InputError
+from softarm.estimator.specimen import SHIPPED, load_specimen
 from softarm.fakes.plant.effects import (
     ARM_EFFECTS,
     INSTRUMENT_EFFECTS,
@@ -17,9 +18,12 @@ from softarm.fakes.plant.effects import (
     EffectParameter,
     effect,
 )
+from softarm.fakes.plant.from_specimen import drawing_of, layout_of
 from softarm.fakes.plant.generate import Laboratory, generate
 from softarm.fakes.plant.manoeuvre import PlantManoeuvre
 from softarm.fakes.plant.manoeuvres import (
+    SOPRA,
+    ChamberLayout,
     co_contraction,
     directions,
     each_alone,
@@ -35,6 +39,8 @@ from softarm.fakes.plant.manoeuvres import (
     triangles,
 )
 from softarm.fakes.plant.mounts import MOUNTS
+from softarm.fakes.plant.parameters import ArmParameters
+from softarm.fakes.plant.shape import has_shape_of_sopra
 from softarm.fakes.plant.variants import variant
 from softarm.fakes.plant.write import write
 
@@ -44,13 +50,7 @@ PAUSE = 20.0
 FOREIGN = "random_law"
 """Drawn for a foreign trial: laws by name are known to whoever writes a diagnosis."""
 KINDS = ("null", "single", "pair", "triple", "foreign")
-SENSORS = {"pose": ("frame_intermediate", "frame_tip"), "bend": ("bend_intermediate", "bend_tip")}
-DRAWN = {
-    "segment": ("upper", "lower"),
-    "chamber": (0, 1, 2, 3, 4, 5),
-    "section": ("tip",),
-    "axis": tuple(str(angle) for angle in range(0, 360, 30)),
-}
+AXES = tuple(str(angle) for angle in range(0, 360, 30))
 NOMINAL_RUNS = (("random_holds", "hanging"), ("ramps", "hanging"), ("random_holds", "sideways"))
 RUNS = (
     ("growing_cycles", "hanging"),
@@ -67,18 +67,22 @@ RUNS = (
     ("each_alone", "sideways"),
     ("random_holds", "hanging"),
 )
-SHORT: dict[str, Callable[[Random], PlantManoeuvre]] = {
-    "growing_cycles": lambda rng: growing_cycles(one_of_each(rng), cycle=5.0),
-    "random_holds": lambda rng: random_holds(rng, seconds=40.0),
-    "ramps": lambda rng: ramps(rng, durations=(4.0, 12.0)),
-    "long_holds": lambda rng: long_holds(rng, hold=30.0, count=1),
-    "each_alone": lambda rng: each_alone(ramp=3.0, hold=1.0, highest=float(rng.uniform(40e3, 55e3))),
-    "triangles": lambda rng: triangles(one_of_each(rng)),
-    "steps": lambda rng: steps(rng, count=4),
-    "staircase": lambda rng: staircase(rise=float(rng.uniform(1.2e3, 1.6e3)), hold=1.0, top=8e3),
-    "co_contraction": lambda rng: co_contraction(ramp=3.0, highest=float(rng.uniform(35e3, 45e3))),
-    "pulled_steps": lambda rng: pulled_steps(
-        count=6, ways=directions(2), pressures=random_pressures(rng, 20e3)
+SHORT: dict[str, Callable[[Random, ChamberLayout], PlantManoeuvre]] = {
+    "growing_cycles": lambda rng, on: growing_cycles(one_of_each(rng, on), cycle=5.0, on=on),
+    "random_holds": lambda rng, on: random_holds(rng, seconds=40.0, on=on),
+    "ramps": lambda rng, on: ramps(rng, durations=(4.0, 12.0), on=on),
+    "long_holds": lambda rng, on: long_holds(rng, hold=30.0, count=1, on=on),
+    "each_alone": lambda rng, on: each_alone(
+        ramp=3.0, hold=1.0, highest=on.highest * rng.uniform(0.8, 1.1), on=on
+    ),
+    "triangles": lambda rng, on: triangles(one_of_each(rng, on), on=on),
+    "steps": lambda rng, on: steps(rng, count=4, on=on),
+    "staircase": lambda rng, on: staircase(rise=float(rng.uniform(1.2e3, 1.6e3)), hold=1.0, top=8e3, on=on),
+    "co_contraction": lambda rng, on: co_contraction(
+        ramp=3.0, highest=on.highest * rng.uniform(0.7, 0.9), on=on
+    ),
+    "pulled_steps": lambda rng, on: pulled_steps(
+        count=6, ways=directions(2), pressures=random_pressures(rng, 0.4 * on.highest, on=on), on=on
     ),
 }
 
@@ -123,13 +127,16 @@ class PlantTrial:
 @click.option("--kind", default="single", show_default=True, type=click.Choice(KINDS))
 @click.option("--only", multiple=True, help="Draw from these effects only.")
 @click.option("--background", default=1.0, show_default=True, help="Scale of what every arm has anyway.")
+@click.option("--specimen", default="sopra", show_default=True, help="Drawing of the arm.")
 @click.option("--truth", required=True, type=PATH, help="Folder for the answer.")
-def command(out: Path, seed: int, kind: str, only: tuple[str, ...], background: float, truth: Path) -> int:
+def command(
+    out: Path, seed: int, kind: str, only: tuple[str, ...], background: float, specimen: str, truth: Path
+) -> int:
     """Record a blind trial: a fake arm before and after something was concealed in it.
 
     Example: softarm bench trial trials/7 --seed 7 --kind pair --truth answers/7
     """
-    record_trial(draw(seed, kind, background, only), out, truth)
+    record_trial(draw(seed, kind, background, only, specimen), out, truth)
     return 0
 
 
@@ -139,7 +146,9 @@ def record_trial(trial: PlantTrial, out: Path, truth: Path) -> None:
         write(generate(run.laboratory, run.manoeuvre, run.seed), out / run.name, truth / run.name)
 
 
-def draw(seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = ()) -> PlantTrial:
+def draw(
+    seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = (), specimen: str = "sopra"
+) -> PlantTrial:
     """Draw a trial.
 
     Args:
@@ -148,27 +157,45 @@ def draw(seed: int, kind: str, background: float = 1.0, only: tuple[str, ...] = 
             vocabulary, ``foreign`` for one outside it.
         background: Scale of what every arm has of creep, hysteresis and the like.
         only: Names to draw from; all of the kind when left out.
+        specimen: Drawing of the arm: the name of a shipped specimen, or a file.
 
     Raises:
-        InputError: The kind or a name is unknown.
+        InputError: The kind or a name is unknown, or the drawing cannot be read or simulated.
     """
     if kind not in KINDS:
         raise InputError("kind", f"'{kind}'", f"one of {', '.join(KINDS)}")
     rng = np.random.default_rng([seed, 10])
     names = _names(rng, kind, only)
-    concealed = tuple(draw_effect(rng, effect(name)) for name in names)
-    drawn = variant(seed, background=background)
-    plain = Laboratory(arm=drawn.arm, instruments=drawn.instruments)
-    suspect = Laboratory(arm=drawn.arm, instruments=drawn.instruments, concealed=concealed)
-    runs = (*_runs("nominal", plain, NOMINAL_RUNS, seed), *_runs("run", suspect, RUNS, seed))
+    drawing = load_specimen(specimen)
+    plain = drawing_of(drawing)
+    layout = SOPRA if has_shape_of_sopra(drawing) else layout_of(drawing)
+    concealed = tuple(_drawn_effect(rng, effect(name), plain) for name in names)
+    drawn = variant(seed, background=background, plain=plain)
+    unchanged = Laboratory(drawn.arm, instruments=drawn.instruments, specimen=name_of_drawing(specimen))
+    changed = replace(unchanged, concealed=concealed)
+    runs = (
+        *_runs("nominal", unchanged, layout, NOMINAL_RUNS, seed),
+        *_runs("run", changed, layout, RUNS, seed),
+    )
     return PlantTrial(seed, kind, concealed, runs)
 
 
-def draw_effect(rng: Random, definition: ConcealedEffect) -> Concealed:
+def name_of_drawing(specimen: str) -> str:
+    """Return what a recording or a trial calls a specimen: its name, or the whole path of its file."""
+    return specimen if specimen in SHIPPED else str(Path(specimen).resolve())
+
+
+def _drawn_effect(rng: Random, definition: ConcealedEffect, arm: ArmParameters) -> Concealed:
     """Draw the place and the size of one effect; sizes of one sign are even on a logarithmic scale."""
-    where = {place: _choose(rng, DRAWN[place]) for place in definition.places if place in DRAWN}
-    if "sensor" in definition.places:
-        where["sensor"] = _choose(rng, SENSORS["pose"])
+    choices: dict[str, tuple[str | int, ...]] = {
+        "segment": tuple(segment.name for segment in arm.segments),
+        "chamber": tuple(range(arm.chambers)),
+        "section": arm.sections[-1:],
+        "axis": AXES,
+        "sensor": tuple(f"frame_{section}" for section in arm.sections[1:]),
+    }
+    places = sorted(definition.places, key="sensor".__eq__)  # drawn last
+    where = {place: _choose(rng, choices[place]) for place in places}
     numbers = {name: _size(rng, quantity) for name, quantity in definition.quantities.items()}
     return Concealed(definition.name, where, numbers)
 
@@ -200,13 +227,13 @@ def _size(rng: Random, quantity: EffectParameter) -> float:
 
 
 def _runs(
-    prefix: str, laboratory: Laboratory, plan: tuple[tuple[str, str], ...], seed: int
+    prefix: str, laboratory: Laboratory, layout: ChamberLayout, plan: tuple[tuple[str, str], ...], seed: int
 ) -> tuple[TrialRun, ...]:
     """Lay out the runs of an arm, one session with pauses."""
     runs, clock = [], 0.0
     for number, (name, mount) in enumerate(plan):
         stream = [seed, number, len(plan)]
-        manoeuvre = SHORT[name](np.random.default_rng(stream))
+        manoeuvre = SHORT[name](np.random.default_rng(stream), layout)
         runs.append(
             TrialRun(
                 f"{prefix}_{number:02d}_{name}_{mount}",

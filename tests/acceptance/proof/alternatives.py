@@ -85,14 +85,13 @@ class Bends:
 
 
 def alternatives_table(
-    trials: Sequence[SealedTrial], folders: Folders, specimen: str, notify: Callable[[str], None]
+    trials: Sequence[SealedTrial], folders: Folders, notify: Callable[[str], None]
 ) -> Table:
     """Run the comparison.
 
     Args:
         trials: What is compared on; something is concealed in each.
         folders: Where the proof works.
-        specimen: What the tool is given.
         notify: Called with progress messages.
 
     Raises:
@@ -100,7 +99,7 @@ def alternatives_table(
     """
     errors: dict[str, list[dict[str, float]]] = {}
     for trial in trials:
-        diagnosed(trial, EXCITATION, folders, specimen, notify)
+        diagnosed(trial, EXCITATION, folders, notify)
         notify(f"{trial.name}: predicting")
         for method, error in _errors(trial, folders).items():
             errors.setdefault(method, []).append(error)

@@ -53,7 +53,12 @@ the answers lie in a folder that only the scorer opens.
     show_default=True,
     help="Recordings, answers, reports and outcomes; a run that was ended goes on from what is there.",
 )
-@click.option("--specimen", default="sopra", show_default=True, help="Drawing that the diagnosis is given.")
+@click.option(
+    "--specimen",
+    default="sopra",
+    show_default=True,
+    help="Drawing of the arms, which the diagnosis is given: a shipped specimen or a file.",
+)
 @click.option("--keep", is_flag=True, help="Keep the recordings of every trial.")
 @click.option(
     "--part",
@@ -91,22 +96,22 @@ def command(
     Example: softarm bench proof --count 40 --write docs/diagnosis-proof.md
     """
     folders = Folders(folder)
-    planned = schedule(2 if quick else count, seed)
+    planned = schedule(2 if quick else count, seed, specimen)
     motions = MOTIONS[:1] if quick else MOTIONS
     tables: list[Table] = []
     if "trials" in parts:
-        run_fake_trials(planned, motions, folders, specimen, jobs, keep=keep)
+        run_fake_trials(planned, motions, folders, jobs, keep=keep)
         tables += from_source(scored(planned, motions, folders), "fake arm")
     acting = [trial for trial in planned if trial.kind in ("single", "pair")][: 1 if quick else compared]
     if "alternatives" in parts:
-        tables.append(alternatives_table(acting, folders, specimen, notify))
+        tables.append(alternatives_table(acting, folders, notify))
     if "force" in parts:
         tables.append(force_table(folders, notify, 1 if quick else compared))
     if "cost" in parts:
-        tables.append(cost_table(acting[0], folders, specimen, notify))
+        tables.append(cost_table(acting[0], folders, notify))
     if "swing" in parts:
         single = [trial for trial in acting if trial.kind == "single"]
-        tables.append(swing_table(single, folders, specimen, notify))
+        tables.append(swing_table(single, folders, notify))
     if "touches" in parts:
         tables.append(touches_table(read_trials(folders.trials), folders, notify))
     if "sensitivity" in parts:
@@ -122,7 +127,6 @@ def run_fake_trials(
     planned: Sequence[SealedTrial],
     motions: Sequence[str],
     folders: Folders,
-    specimen: str,
     jobs: int,
     *,
     keep: bool,
@@ -133,7 +137,6 @@ def run_fake_trials(
         planned: Which trials.
         motions: Which of their runs are in question, one diagnosis for each.
         folders: Where.
-        specimen: What the diagnosis is given.
         jobs: Arms at a time.
         keep: Keep recordings after their diagnosis.
     """
@@ -149,7 +152,7 @@ def run_fake_trials(
             advance(len(motions) - len(waiting))
             if waiting:
                 arms.submit(record, trial, folders).result()
-                laid_out = [lay_out(trial, motion, folders, specimen) for motion in waiting]
+                laid_out = [lay_out(trial, motion, folders) for motion in waiting]
                 run_trials(laid_out, folders.root, 1, advance)
                 if not keep:
                     forget(trial, folders)

@@ -14,13 +14,12 @@ SHARES = (2, 4, 8)
 """Every so-manieth effect alone is tried on the most runs."""
 
 
-def cost_table(trial: SealedTrial, folders: Folders, specimen: str, notify: Callable[[str], None]) -> Table:
+def cost_table(trial: SealedTrial, folders: Folders, notify: Callable[[str], None]) -> Table:
     """Time diagnoses of more and more runs of one trial, then of fewer and fewer effects, each on one core.
 
     Args:
         trial: Which one.
         folders: Where the proof works.
-        specimen: What the tool is given.
         notify: Called with progress messages.
     """
     notify("cost: recording")
@@ -30,7 +29,7 @@ def cost_table(trial: SealedTrial, folders: Folders, specimen: str, notify: Call
     rows: list[dict[str, Cell]] = []
     for count, effects in tried:
         notify(f"cost: diagnosing {count} runs, {len(effects)} effects")
-        laid_out = lay_out(trial, f"first {count}", folders, specimen)
+        laid_out = lay_out(trial, f"first {count}", folders)
         extra = [word for name in effects for word in ("--effect", name)]
         outcome = diagnose_trial(laid_out, folders.report(laid_out.name), extra)
         rows.append(

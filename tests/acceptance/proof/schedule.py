@@ -17,11 +17,13 @@ class SealedTrial:
         kind: ``null``, ``single``, ``pair`` or ``foreign``.
         seed: Draws the arm, the place, the size and the noise.
         only: Effects to draw from, joined by plus signs; all of the kind when empty.
+        specimen: Drawing of its arm, which is what the diagnosis is given: a shipped specimen or a file.
     """
 
     kind: str
     seed: int
     only: str = ""
+    specimen: str = "sopra"
 
     @property
     def name(self) -> str:
@@ -29,17 +31,18 @@ class SealedTrial:
         return f"{self.kind}_{self.seed}"
 
 
-def schedule(count: int, seed: int) -> list[SealedTrial]:
+def schedule(count: int, seed: int, specimen: str = "sopra") -> list[SealedTrial]:
     """List the trials of a proof; more trials begin with the same ones.
 
     Args:
         count: How many.
         seed: Of the first of each kind; the others count upwards.
+        specimen: Drawing of the arms.
     """
     used = dict.fromkeys(PATTERN, 0)
     trials = []
     for number in range(count):
         kind = PATTERN[number % len(PATTERN)]
-        trials.append(SealedTrial(kind, seed + used[kind]))
+        trials.append(SealedTrial(kind, seed + used[kind], specimen=specimen))
         used[kind] += 1
     return trials

@@ -26,21 +26,18 @@ RUNS = ("run_01", "run_10")
 """Random holds, hanging and sideways: after every step the arm vibrates."""
 
 
-def swing_table(
-    trials: Sequence[SealedTrial], folders: Folders, specimen: str, notify: Callable[[str], None]
-) -> Table:
+def swing_table(trials: Sequence[SealedTrial], folders: Folders, notify: Callable[[str], None]) -> Table:
     """Compare what is left of the vibration with what is concealed, fitted at its place, and without it.
 
     Args:
         trials: One effect is concealed in each.
         folders: Where the proof works; a run that was ended goes on from what is there.
-        specimen: What the diagnosis is given.
         notify: Called with progress messages.
     """
     rows: list[dict[str, Cell]] = []
     for trial in trials:
         notify(f"{trial.name}: swing")
-        rows += swing_rows(trial, folders, specimen)
+        rows += swing_rows(trial, folders)
     factors = [float(str(row["over_unchanged"])) for row in rows]
     median = f"{np.median(factors):.2g}" if factors else "unknown: no effect changes the arm"
     note = (
@@ -51,10 +48,10 @@ def swing_table(
     return Table("The vibration of arms that have changed", rows, (note,))
 
 
-def swing_rows(trial: SealedTrial, folders: Folders, specimen: str) -> list[dict[str, Cell]]:
+def swing_rows(trial: SealedTrial, folders: Folders) -> list[dict[str, Cell]]:
     """Return a row for each of ``RUNS``; none where the effect is one of the sensors."""
     record(trial, folders)
-    changed = lay_out(trial, "ordinary", folders, specimen)
+    changed = lay_out(trial, "ordinary", folders)
     (concealed,) = read_answer(folders.answers, changed.name).concealed
     search = begin(products_of_trial(changed, folders.root / "products"), fast=True)
     fit = fitted(search, concealed.effect, concealed.where)

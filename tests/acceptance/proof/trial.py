@@ -11,14 +11,13 @@ from typing import Any
 import tomli_w
 
 from acceptance.proof.schedule import SealedTrial
-from acceptance.trial import PlantTrial, draw, record_trial
+from acceptance.trial import PlantTrial, draw, name_of_drawing, record_trial
 from softarm.analysis.diagnosis.report import FILE
 from softarm.bench.trials.folders import TRIAL_FILE, Trial, read_trial
 from softarm.bench.trials.outcome import TrialOutcome
 from softarm.bench.trials.run import RESULTS, WRITTEN, diagnose_trial
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.errors import InputError
-from softarm.estimator.specimen import SHIPPED
 
 ORDINARY = ("random_holds", "ramps")
 """Manoeuvres that count as ordinary motion."""
@@ -73,7 +72,7 @@ def name_of(trial: SealedTrial, motion: str) -> str:
 def drawn(trial: SealedTrial) -> PlantTrial:
     """Draw the arm, the runs and what is concealed in a trial."""
     only = tuple(name for name in trial.only.split("+") if name)
-    return draw(trial.seed, trial.kind, only=only)
+    return draw(trial.seed, trial.kind, only=only, specimen=trial.specimen)
 
 
 def record(trial: SealedTrial, folders: Folders) -> None:
@@ -89,14 +88,13 @@ def record(trial: SealedTrial, folders: Folders) -> None:
     draft.rename(out)
 
 
-def lay_out(trial: SealedTrial, motion: str, folders: Folders, specimen: str) -> Trial:
+def lay_out(trial: SealedTrial, motion: str, folders: Folders) -> Trial:
     """Make a trial of the recordings of one kind of motion, by links, and write its answer.
 
     Args:
         trial: Which one; its recordings exist.
         motion: Which of its runs are in question; see ``chosen``.
         folders: Where.
-        specimen: What the diagnosis is given: the drawing, not the arm.
     """
     name = name_of(trial, motion)
     folder = folders.trials / name
@@ -107,16 +105,11 @@ def lay_out(trial: SealedTrial, motion: str, folders: Folders, specimen: str) ->
         (folder / part).mkdir(parents=True)
         for run in runs:
             (folder / part / run.name).symlink_to(run.resolve())
-    (folder / TRIAL_FILE).write_text(tomli_w.dumps({"specimen": _named(specimen)}))
+    (folder / TRIAL_FILE).write_text(tomli_w.dumps({"specimen": name_of_drawing(trial.specimen)}))
     folders.answers.mkdir(parents=True, exist_ok=True)
     answer = {"kind": trial.kind, "motion": motion, "concealed": concealed(folders.truth(trial))}
     (folders.answers / f"{name}.toml").write_text(tomli_w.dumps(answer))
     return read_trial(folder)
-
-
-def _named(specimen: str) -> str:
-    """Return what a trial calls a specimen that a command names from its own folder."""
-    return specimen if specimen in SHIPPED else str(Path(specimen).resolve())
 
 
 def concealed(truth: Path) -> list[dict[str, Any]]:
@@ -140,11 +133,7 @@ def concealed(truth: Path) -> list[dict[str, Any]]:
 
 
 def diagnosed(
-    trial: SealedTrial,
-    motion: str,
-    folders: Folders,
-    specimen: str,
-    notify: Callable[[str], None],
+    trial: SealedTrial, motion: str, folders: Folders, notify: Callable[[str], None]
 ) -> TrialOutcome:
     """Record and diagnose a trial, unless its report and its specimen are there already.
 
@@ -159,7 +148,7 @@ def diagnosed(
     record(trial, folders)
     notify(f"{trial.name}: diagnosing")
     extra = ("--write-specimen", str(out / WRITTEN))
-    outcome = diagnose_trial(lay_out(trial, motion, folders, specimen), out, extra)
+    outcome = diagnose_trial(lay_out(trial, motion, folders), out, extra)
     if not outcome.report or not (out / WRITTEN).exists():
         raise WorkFailedError(f"softarm diagnose wrote no specimen ({outcome.message})")
     return outcome

@@ -52,8 +52,9 @@ def test_an_unstable_stretch_does_not_unsettle_the_vibration(stage: Stage) -> No
     assert np.abs(with_vibration(unstable, vibration, MASSES).drive.couples).max() < 10.0 * usual
 
 
-def test_no_vibration_is_fitted_without_a_stiffness(stage: Stage) -> None:
-    vibration, notes = fit_vibration([with_compliance(stage, np.nan, slice(None))], MASSES)
+@pytest.mark.parametrize("factor", [np.nan, -1.0, 0.0], ids=["unknown", "unstable", "rigid"])
+def test_no_vibration_is_fitted_without_a_stiffness(stage: Stage, factor: float) -> None:
+    vibration, notes = fit_vibration([with_compliance(stage, factor, slice(None))], MASSES)
     assert vibration is None
     assert notes == ("run: no vibration was fitted, since the model's stiffness is not known along it.",)
 

@@ -59,10 +59,10 @@ def linear_rod(
     scale = np.tile([2.0, 2.0, 2.0, 0.2, 0.2, 0.2, 3e4, 3e4, 3e4], (links, 1))
     for v in range(6):
         coefficients[:, linear[v]] *= scale[:, v, None]
-    laws_ = Laws(table, coefficients, chambers, scale, np.ones(links))
+    laws_ = Laws(table, coefficients, chambers, scale, np.full(scale.shape, np.inf), np.ones(links))
     loads = tuple(
         Load(f"{section}_{name}", "force", axis, section=section)
         for section in ("intermediate", "tip")
         for name, axis in (("x", (1.0, 0.0, 0.0)), ("y", (0.0, 1.0, 0.0)))
     )
-    return CalibratedRod(chain, laws_, loads, np.full((links, 9), np.inf))
+    return CalibratedRod(chain, laws_, loads)

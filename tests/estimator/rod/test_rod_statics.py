@@ -8,7 +8,7 @@ import pytest
 from softarm.estimator.errors import InputError
 from softarm.estimator.model import Inputs, Load
 from softarm.estimator.response import BatchInputs
-from softarm.estimator.rod.laws import feature_slopes, features, term_table
+from softarm.estimator.rod.laws import FARTHEST, evaluate_laws, feature_slopes, features, term_table
 from softarm.estimator.rod.skin import skin
 from softarm.estimator.rod.statics import place, strain_between
 from softarm.estimator.rotations import exp, log
@@ -177,6 +177,39 @@ def test_slopes_of_the_terms_are_their_derivatives() -> None:
         lambda t: features(table, point + t * direction)[0], claimed, np.zeros(1), steps=1e-3
     )
     assert error < 1e-8
+
+
+def law(rod, variables):
+    """The strains of the first link and their derivatives, at wrenches and pressures over their units."""
+    laws = rod.laws
+    inputs = np.tile(variables, (rod.chain.links, 1)) * laws.scale * rod.factors[0]
+    value, slopes = np.empty((rod.chain.links, 8)), np.empty((rod.chain.links, 11, 8))
+    evaluate_laws(laws, np.ascontiguousarray(inputs[:, :6]), np.tile(inputs[0, 6:], 2), value, slopes)
+    return value[0, :6], slopes[0, 1:10, :6]
+
+
+def within_reach(links=8):
+    """A rod of curved laws that were fitted up to one unit of each wrench and pressure."""
+    rod = linear_rod(links, curl=0.05, quadratic=0.01, scaled=True).with_scales({"upper": 1.3, "lower": 1.3})
+    return replace(rod, laws=rod.laws._replace(reach=rod.laws.scale.copy()))
+
+
+def test_a_law_goes_on_in_proportion_far_beyond_its_fit() -> None:
+    rod, unlimited = within_reach(), linear_rod(8, curl=0.05, quadratic=0.01, scaled=True)
+    unlimited = unlimited.with_scales({"upper": 1.3, "lower": 1.3})
+    border = FARTHEST * np.array([0.3, -0.2, 0.9, -1.0, 0.5, 0.1, 0.4, 0.7, 0.2])
+    assert np.allclose(law(rod, 0.99 * border)[0], law(unlimited, 0.99 * border)[0], rtol=1e-12)
+    at_border = law(unlimited, border)[0]
+    assert np.allclose(law(rod, 2.5 * border)[0], 2.5 * at_border, rtol=1e-12)
+    assert not np.allclose(law(unlimited, 2.5 * border)[0], 2.5 * at_border, rtol=0.1)
+
+
+@pytest.mark.parametrize("size", [0.9, 1.7])
+def test_slopes_of_a_law_are_its_derivatives_on_both_sides_of_the_border(size: float) -> None:
+    rod = within_reach()
+    point = size * FARTHEST * np.array([0.3, -0.2, 0.9, -1.0, 0.5, 0.1, 0.4, 0.7, 0.2])
+    claimed = law(rod, point)[1].T
+    assert derivative_error(lambda v: law(rod, v)[0], claimed, point, steps=1e-5) < 1e-7
 
 
 def test_the_skin_of_a_rod_at_rest_is_the_body_and_follows_its_end() -> None:

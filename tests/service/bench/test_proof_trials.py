@@ -27,6 +27,6 @@ def test_arms_are_diagnosed_side_by_side_and_none_twice(tmp_path: Path, monkeypa
 
     monkeypatch.setattr(run, "diagnose_trial", diagnose)
     for _ in range(2):
-        run_fake_trials(planned, ("designed",), folders, "sopra", 2, keep=True)
+        run_fake_trials(planned, ("designed",), folders, 2, keep=True)
     names = sorted(outcome.trial for outcome in read_outcomes(folders.results))
     assert names == ["null_7_designed", "single_7_designed"]

@@ -1,14 +1,18 @@
 """Sealed trials are fair: what they conceal, their designed runs excite, at sizes from faint to strong."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from acceptance.trial import PlantTrial, draw
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.excitation import LONG, inventory
+from softarm.estimator.specimen import save_specimen
 from softarm.fakes.plant.chain import gravity_in_base
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, effect
 from softarm.fakes.plant.manoeuvre import SAMPLE
+from tests.sim_fakes.arms import three_chambers
 
 LIMITS = np.full(6, 65e3)
 SEEDS = range(30)
@@ -58,6 +62,23 @@ def test_sizes_are_graded_from_faint_to_strong(name: str):
     strong = max(abs(quantity.low), abs(quantity.high))
     assert np.abs(sizes).max() > 0.6 * strong
     assert np.abs(sizes).min() < 0.6 * strong
+
+
+def test_a_trial_is_of_the_arm_that_is_drawn(tmp_path: Path):
+    drawing = three_chambers()
+    save_specimen(drawing, tmp_path / "arm.toml")
+    places = {"segment": {"upper"}, "chamber": {0, 1, 2}, "section": {"tip"}, "sensor": {"frame_tip"}}
+    for seed in range(20):
+        trial = draw(seed, "pair", specimen=str(tmp_path / "arm.toml"))
+        for one in trial.concealed:
+            assert all(one.where[place] in places[place] for place in set(one.where) & set(places))
+        for run in trial.runs:
+            assert run.laboratory.specimen == str(tmp_path / "arm.toml")
+            assert run.laboratory.arm.sections == ("base", "tip")
+            assert run.manoeuvre.commands.shape[1] == 3
+            assert run.manoeuvre.commands.max() <= min(drawing.pressure_limits)
+    another = draw(0, "pair", specimen=str(tmp_path / "arm.toml"))
+    assert another.runs[0].laboratory.arm != trial.runs[0].laboratory.arm  # its tolerances are its own
 
 
 def test_before_and_after_are_one_arm_in_one_laboratory():

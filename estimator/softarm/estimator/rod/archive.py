@@ -96,7 +96,7 @@ def to_bytes(fitted: FittedRod, key: str, name: str) -> bytes:
         table=rod.laws.table.astype(np.int8),
         coefficients=rod.laws.coefficients[..., :STRAINS],
         scale=rod.laws.scale,
-        reach=rod.reach,
+        reach=rod.laws.reach,
         **arrays,
     )
     return buffer.getvalue()
@@ -125,14 +125,13 @@ def _assemble(header: dict[str, Any], arrays: dict[str, Any]) -> FittedRod:
     )
     coefficients = np.zeros((*arrays["coefficients"].shape[:2], OUTPUTS))
     coefficients[..., :STRAINS] = arrays["coefficients"]
-    laws = Laws(
-        arrays["table"].astype(np.int64), coefficients, chain.chambers, arrays["scale"], np.ones(chain.links)
-    )
+    table, scale, reach = arrays["table"].astype(np.int64), arrays["scale"], arrays["reach"]
+    laws = Laws(table, coefficients, chain.chambers, scale, reach, np.ones(chain.links))
     parts = {
         name: HeldOut(**{**part, "force_range": tuple(part["force_range"])})
         for name, part in header["report"].items()
     }
-    rod = CalibratedRod(chain, laws, (), arrays["reach"])
+    rod = CalibratedRod(chain, laws, ())
     return FittedRod(rod, HeldOutReport(**parts), int(header["samples"]), int(header["symmetries"]))
 
 

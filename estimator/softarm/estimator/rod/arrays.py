@@ -34,6 +34,7 @@ class Laws(NamedTuple):
         coefficients: Strains per term, shape (links, terms, 8).
         chambers: Chambers around each link, -1 where there are fewer, shape (links, width).
         scale: Unit of each wrench component [N, N m], then of each pressure [Pa], shape (links, 6 + width).
+        reach: Largest size of each in the fit, at unit stiffness, of the same shape.
         stiffness: Factor on the stiffness of each link, shape (links,).
     """
 
@@ -41,6 +42,7 @@ class Laws(NamedTuple):
     coefficients: Floats
     chambers: Indices
     scale: Floats
+    reach: Floats
     stiffness: Floats
 
 

@@ -110,8 +110,8 @@ def fit_rod(
     scale = load_scale(specimen, model, stations, plan.rotation)
     size = np.concatenate([np.array(specimen.pressure_limits), scale])
     states = local_states(chain, loads, samples)
-    laws, reach = fit_laws(chain, samples, states, size, symmetries, recipe.form)
-    rod = CalibratedRod(chain, laws, loads, reach)
+    laws = fit_laws(chain, samples, states, size, symmetries, recipe.form)
+    rod = CalibratedRod(chain, laws, loads)
     report = check_rod(rod, specimen, model, stations, recipe.check, checked, executor)
     return FittedRod(rod.with_loads(default_loads(specimen)), report, len(samples), len(symmetries))
 

@@ -3,6 +3,10 @@
 With x = (wrench / (scale E), pressures / (scale E), 1 / E - 1), E the link's stiffness factor, the six
 strains are y = sum_k c_k x_a x_b x_c x_d over a table of variables per term, variable 0 standing for the
 constant 1. The last variable stands for the stiffness that does not scale with E: winding and rigid sections.
+
+Far beyond the wrenches and pressures that it was fitted to, a polynomial bends back, and the arm with it. So
+a law y goes on in proportion there, as r y(x / r), with the least r >= 1 that brings x / r within
+``FARTHEST`` times the fit.
 """
 
 from itertools import combinations_with_replacement
@@ -15,6 +19,12 @@ from softarm.estimator.rod.arrays import Laws
 
 DEGREE = 4
 """Factors per term in the table; lower degrees are filled up with the constant."""
+FARTHEST = 3.0
+"""Wrench or pressure, over the largest of the fit, up to which a law is the polynomial.
+
+Of 1, 1.25, 1.5, 2, 3 and infinity, the one that was nearest to the finite elements on four arms, of which
+two sag by 60 degrees when they are mounted sideways.
+"""
 OUTPUTS = 8
 """Six strains, padded to a full vector register."""
 
@@ -151,4 +161,37 @@ def evaluate_laws(laws: Laws, wrench: Floats, pressures: Floats, value: Floats, 
             k = laws.chambers[i, n]
             variables[7 + n] = 0.0 if k < 0 else pressures[k] / (laws.scale[i, 6 + n] * laws.stiffness[i])
         variables[7 + width] = 1.0 / laws.stiffness[i] - 1.0
+        beyond, farthest = 1.0, 0
+        for k in range(6 + width):
+            reach = FARTHEST * laws.reach[i, k] / laws.scale[i, k]
+            if reach > 0.0 and abs(variables[1 + k]) > beyond * reach:
+                beyond, farthest = abs(variables[1 + k]) / reach, 1 + k
+        for k in range(6 + width):
+            variables[1 + k] /= beyond
         law_slopes(laws.table, laws.coefficients[i], variables, value[i], slopes[i])
+        if farthest > 0:
+            _go_on(beyond, farthest, variables, value[i], slopes[i])
+
+
+@njit(cache=True, nogil=True)
+def _go_on(beyond: float, farthest: int, variables: Floats, value: Floats, slopes: Floats) -> None:
+    """Make value and slopes of a law at x / r those of r y(x / r).
+
+    The derivative by x_k is that of y, and (y - y' x / r) dr/dx_k for the variable that is farthest beyond.
+
+    Args:
+        beyond: r.
+        farthest: Variable that r divides down to its reach.
+        variables: The constant 1, x / r, and the variable of the stiffness.
+        value: y, shape (8,).
+        slopes: y', shape (1 + variables, 8).
+    """
+    last = len(variables) - 1
+    by_variable = 1.0 / variables[farthest]  # dr/dx = r / x
+    for o in range(6):
+        along = 0.0
+        for k in range(1, last):
+            along += slopes[k, o] * variables[k]
+        slopes[farthest, o] += (value[o] - along) * by_variable
+        slopes[last, o] *= beyond
+        value[o] *= beyond

@@ -61,13 +61,11 @@ class CalibratedRod:
         chain: Rest geometry.
         laws: Link laws; ``laws.stiffness`` holds the stiffness factors.
         loads: Loads whose amplitudes are inputs.
-        reach: Largest size of each law variable in the fit, shape (links, 6 + width).
     """
 
     chain: Chain
     laws: Laws
     loads: tuple[Load, ...]
-    reach: Floats
 
     takes_eigenstrains = True
 

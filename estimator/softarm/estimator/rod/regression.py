@@ -47,7 +47,7 @@ def fit_laws(
     input_size: Floats,
     symmetries: Sequence[Symmetry],
     form: Form,
-) -> tuple[Laws, Floats]:
+) -> Laws:
     """Fit the laws of all links.
 
     Args:
@@ -59,8 +59,7 @@ def fit_laws(
         form: Form of the laws.
 
     Returns:
-        The laws with unit stiffness factors, and the largest size of each variable among the samples, shape
-        (links, 6 + width).
+        The laws with unit stiffness factors.
     """
     width = chain.chambers.shape[1]
     feature_maps: dict[bytes, Floats] = {}
@@ -85,7 +84,7 @@ def fit_laws(
             trust,
             feature_maps,
         )
-    return Laws(table, coefficients, chain.chambers, scale, np.ones(chain.links)), reach
+    return Laws(table, coefficients, chain.chambers, scale, reach, np.ones(chain.links))
 
 
 def _trust(samples: Samples, states: LocalStates) -> Floats:

@@ -296,13 +296,15 @@ def strain_stiffness(response: ArmResponse, segments: Segments) -> tuple[Floats,
     Returns:
         Derivative of the sections' twists by the couples, shape (samples, 6 sections, strains); K, shape
         (samples, strains, strains); and the samples at a stable equilibrium, shape (samples,): the others
-        have typical values.
+        have typical values, or NaN for K where no sample is at one.
     """
     samples, sections = response.frames.positions.shape[:2]
     rows = segments.rows(response.frames).reshape(samples, -1, 6 * sections)
     stable = _stable(rows @ response.load_jacobian @ np.swapaxes(rows, 1, 2), response.converged)
     twist_by_couple = _filled(response.load_jacobian, stable) @ np.swapaxes(rows, 1, 2)
     compliance = rows @ twist_by_couple
+    if not stable.any():
+        return twist_by_couple, np.full_like(compliance, np.nan), stable
     stiffness = np.linalg.inv(0.5 * (compliance + np.swapaxes(compliance, 1, 2)))
     return twist_by_couple, np.asarray(stiffness, dtype=np.float64), stable
 

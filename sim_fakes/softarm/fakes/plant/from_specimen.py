@@ -48,7 +48,16 @@ def arm_of(specimen: Specimen | None, seed: int) -> Variant:
     """
     if specimen is None or has_shape_of_sopra(specimen):
         return Variant(sopra(), InstrumentQuality())
-    return variant(seed, plain=_plain(specimen))
+    return variant(seed, plain=drawing_of(specimen))
+
+
+def drawing_of(specimen: Specimen) -> ArmParameters:
+    """Return the parameters of a specimen's fake arm without tolerances.
+
+    Raises:
+        InputError: The arm has no rigid section before and after each segment, or its mesh cannot be read.
+    """
+    return sopra() if has_shape_of_sopra(specimen) else _plain(specimen)
 
 
 def layout_of(specimen: Specimen) -> ChamberLayout:

@@ -71,9 +71,10 @@ def random_pressures(rng: Random, highest: float | None = None, on: ChamberLayou
     return pressures
 
 
-def one_of_each(rng: Random) -> tuple[int, int]:
-    """Draw a chamber of the upper and one of the lower segment."""
-    return int(rng.integers(3)), 3 + int(rng.integers(3))
+def one_of_each(rng: Random, on: ChamberLayout = SOPRA) -> tuple[int, ...]:
+    """Draw a chamber of the first segment and, where there are more, one of the last."""
+    groups = dict.fromkeys((on.groups[0], on.groups[-1]))
+    return tuple(group[rng.integers(len(group))] for group in groups)
 
 
 def random_holds(

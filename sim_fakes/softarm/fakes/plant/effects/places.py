@@ -37,7 +37,7 @@ def chosen_chambers(arm: ArmParameters, where: Where) -> tuple[int, ...]:
 
 def chosen_section(arm: ArmParameters, where: Where) -> str:
     """Name the moving section that is given, or the tip."""
-    section = str(where.get("section", "tip"))
+    section = str(where.get("section", arm.sections[-1]))
     if section not in arm.sections[1:]:
         raise InputError("section", f"no moving section '{section}'", f"one of {', '.join(arm.sections[1:])}")
     return section
