@@ -177,8 +177,8 @@ def everywhere(world: World) -> tuple[Place, ...]:  # noqa: ARG001
 
 
 def whole_and_segments(world: World) -> tuple[Place, ...]:
-    """The arm as a whole, and each segment alone where there are several."""
-    return (Place(), *(segments(world) if len(world.segments) > 1 else ()))
+    """The arm as a whole, and each segment alone; where there is one segment only, that one."""
+    return segments(world) if len(world.segments) == 1 else (Place(), *segments(world))
 
 
 def segments(world: World) -> tuple[Place, ...]:
@@ -197,7 +197,7 @@ def whole_and_chambers(world: World) -> tuple[Place, ...]:
 
 
 def whole_segments_and_chambers(world: World) -> tuple[Place, ...]:
-    """The arm as a whole, each segment alone where there are several, and each chamber alone."""
+    """The places of ``whole_and_segments``, and each chamber alone."""
     return (*whole_and_segments(world), *chambers(world))
 
 
