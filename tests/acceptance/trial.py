@@ -9,7 +9,7 @@ import numpy as np
 
 from softarm.cli.output import PATH
 from softarm.estimator.errors import InputError
-from softarm.estimator.specimen import SHIPPED, load_specimen
+from softarm.estimator.specimen import load_specimen
 from softarm.fakes.plant.effects import (
     ARM_EFFECTS,
     INSTRUMENT_EFFECTS,
@@ -18,7 +18,7 @@ from softarm.fakes.plant.effects import (
     EffectParameter,
     effect,
 )
-from softarm.fakes.plant.from_specimen import drawing_of, layout_of
+from softarm.fakes.plant.from_specimen import drawing_of, layout_of, name_of_drawing
 from softarm.fakes.plant.generate import Laboratory, generate
 from softarm.fakes.plant.manoeuvre import PlantManoeuvre
 from softarm.fakes.plant.manoeuvres import (
@@ -39,7 +39,7 @@ from softarm.fakes.plant.manoeuvres import (
     triangles,
 )
 from softarm.fakes.plant.mounts import MOUNTS
-from softarm.fakes.plant.parameters import ArmParameters
+from softarm.fakes.plant.parameters import ArmParameters, sopra
 from softarm.fakes.plant.shape import has_shape_of_sopra
 from softarm.fakes.plant.variants import variant
 from softarm.fakes.plant.write import write
@@ -167,8 +167,9 @@ def draw(
     rng = np.random.default_rng([seed, 10])
     names = _names(rng, kind, only)
     drawing = load_specimen(specimen)
-    plain = drawing_of(drawing)
-    layout = SOPRA if has_shape_of_sopra(drawing) else layout_of(drawing)
+    plain, layout = (
+        (sopra(), SOPRA) if has_shape_of_sopra(drawing) else (drawing_of(drawing), layout_of(drawing))
+    )
     concealed = tuple(_drawn_effect(rng, effect(name), plain) for name in names)
     drawn = variant(seed, background=background, plain=plain)
     unchanged = Laboratory(drawn.arm, instruments=drawn.instruments, specimen=name_of_drawing(specimen))
@@ -180,11 +181,6 @@ def draw(
     return PlantTrial(seed, kind, concealed, runs)
 
 
-def name_of_drawing(specimen: str) -> str:
-    """Return what a recording or a trial calls a specimen: its name, or the whole path of its file."""
-    return specimen if specimen in SHIPPED else str(Path(specimen).resolve())
-
-
 def _drawn_effect(rng: Random, definition: ConcealedEffect, arm: ArmParameters) -> Concealed:
     """Draw the place and the size of one effect; sizes of one sign are even on a logarithmic scale."""
     choices: dict[str, tuple[str | int, ...]] = {
@@ -194,7 +190,7 @@ def _drawn_effect(rng: Random, definition: ConcealedEffect, arm: ArmParameters) 
         "axis": AXES,
         "sensor": tuple(f"frame_{section}" for section in arm.sections[1:]),
     }
-    places = sorted(definition.places, key="sensor".__eq__)  # drawn last
+    places = sorted(definition.places, key="sensor".__eq__)  # sensors last, as a seed has always drawn
     where = {place: _choose(rng, choices[place]) for place in places}
     numbers = {name: _size(rng, quantity) for name, quantity in definition.quantities.items()}
     return Concealed(definition.name, where, numbers)

@@ -11,13 +11,14 @@ from typing import Any
 import tomli_w
 
 from acceptance.proof.schedule import SealedTrial
-from acceptance.trial import PlantTrial, draw, name_of_drawing, record_trial
+from acceptance.trial import PlantTrial, draw, record_trial
 from softarm.analysis.diagnosis.report import FILE
 from softarm.bench.trials.folders import TRIAL_FILE, Trial, read_trial
 from softarm.bench.trials.outcome import TrialOutcome
 from softarm.bench.trials.run import RESULTS, WRITTEN, diagnose_trial
 from softarm.common.errors import WorkFailedError
 from softarm.estimator.errors import InputError
+from softarm.fakes.plant.from_specimen import name_of_drawing
 
 ORDINARY = ("random_holds", "ramps")
 """Manoeuvres that count as ordinary motion."""

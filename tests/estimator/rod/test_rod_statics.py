@@ -188,15 +188,18 @@ def law(rod, variables):
     return value[0, :6], slopes[0, 1:10, :6]
 
 
-def within_reach(links=8):
-    """A rod of curved laws that were fitted up to one unit of each wrench and pressure."""
-    rod = linear_rod(links, curl=0.05, quadratic=0.01, scaled=True).with_scales({"upper": 1.3, "lower": 1.3})
+def curved_rod():
+    return linear_rod(8, curl=0.05, quadratic=0.01, scaled=True).with_scales({"upper": 1.3, "lower": 1.3})
+
+
+def within_reach(rod):
+    """The rod, of laws that were fitted up to one unit of each wrench and pressure."""
     return replace(rod, laws=rod.laws._replace(reach=rod.laws.scale.copy()))
 
 
 def test_a_law_goes_on_in_proportion_far_beyond_its_fit() -> None:
-    rod, unlimited = within_reach(), linear_rod(8, curl=0.05, quadratic=0.01, scaled=True)
-    unlimited = unlimited.with_scales({"upper": 1.3, "lower": 1.3})
+    unlimited = curved_rod()
+    rod = within_reach(unlimited)
     border = FARTHEST * np.array([0.3, -0.2, 0.9, -1.0, 0.5, 0.1, 0.4, 0.7, 0.2])
     assert np.allclose(law(rod, 0.99 * border)[0], law(unlimited, 0.99 * border)[0], rtol=1e-12)
     at_border = law(unlimited, border)[0]
@@ -206,7 +209,7 @@ def test_a_law_goes_on_in_proportion_far_beyond_its_fit() -> None:
 
 @pytest.mark.parametrize("size", [0.9, 1.7])
 def test_slopes_of_a_law_are_its_derivatives_on_both_sides_of_the_border(size: float) -> None:
-    rod = within_reach()
+    rod = within_reach(curved_rod())
     point = size * FARTHEST * np.array([0.3, -0.2, 0.9, -1.0, 0.5, 0.1, 0.4, 0.7, 0.2])
     claimed = law(rod, point)[1].T
     assert derivative_error(lambda v: law(rod, v)[0], claimed, point, steps=1e-5) < 1e-7

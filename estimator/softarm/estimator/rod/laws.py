@@ -163,11 +163,11 @@ def evaluate_laws(laws: Laws, wrench: Floats, pressures: Floats, value: Floats, 
         variables[7 + width] = 1.0 / laws.stiffness[i] - 1.0
         beyond, farthest = 1.0, 0
         for k in range(6 + width):
-            reach = FARTHEST * laws.reach[i, k] / laws.scale[i, k]
-            if reach > 0.0 and abs(variables[1 + k]) > beyond * reach:
-                beyond, farthest = abs(variables[1 + k]) / reach, 1 + k
-        for k in range(6 + width):
-            variables[1 + k] /= beyond
+            reach, size = FARTHEST * laws.reach[i, k], abs(variables[1 + k]) * laws.scale[i, k]
+            if reach > 0.0 and size > beyond * reach:
+                beyond, farthest = size / reach, 1 + k
+        if farthest > 0:
+            variables[1 : 7 + width] /= beyond
         law_slopes(laws.table, laws.coefficients[i], variables, value[i], slopes[i])
         if farthest > 0:
             _go_on(beyond, farthest, variables, value[i], slopes[i])

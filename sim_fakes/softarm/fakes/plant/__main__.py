@@ -12,7 +12,7 @@ import polars as pl
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import load_specimen
 from softarm.fakes.plant.effects import ARM_EFFECTS, FOREIGN_EFFECTS, INSTRUMENT_EFFECTS, Concealed, effect
-from softarm.fakes.plant.from_specimen import arm_of, layout_of
+from softarm.fakes.plant.from_specimen import arm_of, layout_of, name_of_drawing
 from softarm.fakes.plant.generate import Laboratory, generate
 from softarm.fakes.plant.manoeuvre import PlantManoeuvre, chain
 from softarm.fakes.plant.manoeuvres import LIBRARY, SOPRA, ChamberLayout, path
@@ -137,8 +137,8 @@ def _played(specimen: str | None, seed: int | None) -> tuple[Laboratory, Chamber
     if specimen is not None:
         described = load_specimen(specimen)
         drawn = arm_of(described, seed or 0)
-        name = str(Path(specimen).resolve()) if Path(specimen).suffix else specimen
-        return Laboratory(drawn.arm, instruments=drawn.instruments, specimen=name), layout_of(described)
+        laboratory = Laboratory(drawn.arm, instruments=drawn.instruments, specimen=name_of_drawing(specimen))
+        return laboratory, layout_of(described)
     if seed is None:
         return Laboratory(), SOPRA
     drawn = variant(seed)

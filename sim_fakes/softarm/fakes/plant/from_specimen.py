@@ -5,13 +5,14 @@ diagnosis wrote into it is left out, so that a specimen and its calibrated copy 
 """
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.errors import InputError
-from softarm.estimator.specimen import Section, Segment, Specimen
+from softarm.estimator.specimen import SHIPPED, Section, Segment, Specimen
 from softarm.fakes.plant.cross_section import CrossSection, sampled
 from softarm.fakes.plant.instruments import InstrumentQuality
 from softarm.fakes.plant.manoeuvres import ChamberLayout
@@ -51,13 +52,9 @@ def arm_of(specimen: Specimen | None, seed: int) -> Variant:
     return variant(seed, plain=drawing_of(specimen))
 
 
-def drawing_of(specimen: Specimen) -> ArmParameters:
-    """Return the parameters of a specimen's fake arm without tolerances.
-
-    Raises:
-        InputError: The arm has no rigid section before and after each segment, or its mesh cannot be read.
-    """
-    return sopra() if has_shape_of_sopra(specimen) else _plain(specimen)
+def name_of_drawing(specimen: str) -> str:
+    """Return what a recording or a trial calls a specimen: its name, or the whole path of its file."""
+    return specimen if specimen in SHIPPED else str(Path(specimen).resolve())
 
 
 def layout_of(specimen: Specimen) -> ChamberLayout:
@@ -73,8 +70,12 @@ def layout_of(specimen: Specimen) -> ChamberLayout:
     )
 
 
-def _plain(specimen: Specimen) -> ArmParameters:
-    """Translate a specimen into the parameters of a fake arm without tolerances."""
+def drawing_of(specimen: Specimen) -> ArmParameters:
+    """Translate a specimen that has not the shape of SoPrA into the parameters of an arm without tolerances.
+
+    Raises:
+        InputError: As in ``arm_of``.
+    """
     if not specimen.chambers:
         raise InputError(specimen.name, "has no chambers", "only arms with chambers can be simulated")
     sections = _below(specimen)
