@@ -1,18 +1,16 @@
 """Stretches that look like a touch before the physics is known, and what the diagnosed model says of them."""
 
 from dataclasses import replace
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.workers import Inline
+from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.diagnose import diagnose
-from softarm.estimator.diagnosis.events import EventErrors, contact_change
+from softarm.estimator.diagnosis.events import EventErrors, sizes_of
 from softarm.estimator.diagnosis.prepare import averaged, prepare
 from softarm.estimator.diagnosis.session import Session
-from softarm.estimator.effects import EFFECTS
 from softarm.estimator.intake import Disturbance, Intake
 from softarm.estimator.intake.unsteady import LEAST
 from softarm.estimator.recording import Recording
@@ -57,7 +55,7 @@ def test_an_error_is_measured_by_what_the_intake_would_have_reported() -> None:
     errors = np.full((40, 2), np.nan)
     errors[10:20] = 0.9 * np.array([LEAST["m"], LEAST["rad"]])
     still = np.zeros_like(errors)
-    model_errors = EventErrors("run", clock, errors, still, np.zeros(2), ("m", "rad"))
+    model_errors = EventErrors("run", clock, errors, clock >= 0.0, still, np.zeros(2), ("m", "rad"))
     assert model_errors.explained((10.0, 19.0)) == pytest.approx(
         {"m": 0.9 * LEAST["m"], "rad": 0.9 * LEAST["rad"]}
     )
@@ -77,18 +75,31 @@ def test_an_error_is_measured_by_what_the_intake_would_have_reported() -> None:
     assert replace(model_errors, errors=stuck).explained((10.0, 19.0)) is None
 
 
-@pytest.mark.parametrize(("effect", "allowed"), [("contact_obstacle", 0.12), ("chamber_gain", 0.0)])
-def test_what_the_law_of_a_wall_gets_wrong_is_allowed(effect: str, allowed: float) -> None:
-    """A law leaves three tenths of what it changes: 95 % of the errors are within 1.96 of them."""
-    push = np.array([[0.0, 0.0], [0.2, -0.1]])
-    fit: Any = SimpleNamespace(
-        hypotheses=(SimpleNamespace(effect=EFFECTS[effect]),), selected=lambda kept: list(kept)
-    )
-    search: Any = SimpleNamespace(change=lambda stage, fit: push)
-    stage: Any = SimpleNamespace(residual=np.zeros((2, 2)))
-    change = contact_change(search, stage, fit)
-    assert 1.96 * 0.3 * change.max() == pytest.approx(allowed, abs=0.003)
-    assert np.array_equal(contact_change(search, stage, None), np.zeros((2, 2)))
+def test_what_a_law_gets_wrong_may_point_to_any_side_of_the_sensor_that_it_moves() -> None:
+    session = trial([WEAK])[3]
+    rows = session.suite.slices[session.suite.measurements[0].name]
+    assert set(session.suite.units[rows]) == {"rad"}
+    change = np.zeros((2, len(session.suite.units)))
+    change[1, rows.start : rows.start + 2] = 0.3, -0.4
+    sizes = sizes_of(change, session.suite)
+    assert sizes[1, rows] == pytest.approx(0.5)
+    sizes[1, rows] = 0.0
+    assert not sizes.any()
+
+
+def test_the_law_of_a_finding_may_get_some_of_what_it_changes_wrong() -> None:
+    """A law leaves three tenths of what it changes: 95 % of such errors are within 1.96 of them."""
+
+    def allowed(sessions: list[Session]) -> Floats:
+        sessions[3] = eventful(sessions[3], 0.0)
+        outcome = diagnose(model(), sessions, Inline(), effects=("chamber_gain",))
+        return outcome.event_errors[0].allowed[:, :2]
+
+    usual, weak = trial([]), trial([WEAK])
+    changed = np.linalg.norm((weak[3].readings - usual[3].readings)[:, :2], axis=1, keepdims=True)
+    by_law = np.sqrt(np.maximum(allowed(weak) ** 2 - allowed(usual) ** 2, 0.0))
+    large = changed[:, 0] > 0.5 * changed.max()
+    assert by_law[large] / changed[large] == pytest.approx(1.96 * 0.3, rel=0.1)
 
 
 def test_readings_during_an_event_stay_beside_those_that_fits_see() -> None:

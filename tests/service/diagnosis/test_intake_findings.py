@@ -39,7 +39,7 @@ def test_what_the_model_with_all_findings_predicts_is_no_event(error: float, rep
     """The recording began at 100 s of its session, so the event is at 112 to 116 s."""
     clock = np.arange(100.0, 130.0, 0.1)
     errors = np.full((len(clock), 1), error * LEAST["rad"])
-    left = EventErrors("run_03", clock, errors, np.zeros_like(errors), np.zeros(1), ("rad",))
+    left = EventErrors("run_03", clock, errors, clock > 0.0, np.zeros_like(errors), np.zeros(1), ("rad",))
     late = replace(INTAKE, recording=replace(INTAKE.recording, info={"session_start_s": 100.0}))
     found = with_intakes(replace(diagnosis(), findings=()), [late], (), [left])
     assert [one.effect for one in found.findings] == (["event"] if reported else [])
@@ -49,13 +49,24 @@ def test_what_the_model_with_all_findings_predicts_is_no_event(error: float, rep
     assert (note in found.notes) != reported
 
 
-def test_a_vibration_that_the_model_may_get_wrong_is_no_event():
+def test_what_laws_may_get_wrong_is_no_event():
     clock = np.arange(12.0, 16.0, 0.1)
     errors = np.full((len(clock), 1), 2.0 * LEAST["rad"])
-    left = EventErrors("run_03", clock, errors, 0.9 * errors, np.zeros(1), ("rad",))
+    left = EventErrors("run_03", clock, errors, clock > 0.0, 0.9 * errors, np.zeros(1), ("rad",))
     found = with_intakes(replace(diagnosis(), findings=()), [INTAKE], (), [left])
     assert not found.findings
-    assert any("to within 4 degrees, no more than it may get a vibration" in note for note in found.notes)
+    assert any(
+        "to within 4 degrees, no more than it and its findings may get wrong" in note for note in found.notes
+    )
+
+
+def test_where_an_arm_may_snap_through_by_itself_nobody_can_say_what_is_an_event():
+    clock = np.arange(12.0, 16.0, 0.1)
+    errors = np.full((len(clock), 1), np.nan)
+    left = EventErrors("run_03", clock, errors, clock > 15.0, errors, np.zeros(1), ("rad",))
+    found = with_intakes(replace(diagnosis(), findings=()), [INTAKE], (), [left])
+    assert not found.findings
+    assert any("no stable equilibrium there" in note for note in found.notes)
 
 
 def test_touches_that_the_model_shows_join_the_events_that_the_intake_saw_in_part() -> None:

@@ -10,19 +10,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.innovations import learnt_coefficients
+from softarm.estimator.diagnosis.innovations import assumed_std, learnt_coefficients
 from softarm.estimator.diagnosis.law_error import SHARE
-from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.stage import UNSTABLE, Stage
 from softarm.estimator.intake.unsteady import LARGE, least_sizes
+from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.series import inside
 
 LEAST_SEEN = 0.5
 """Share of an event's samples from which a row speaks of it."""
 TWO_SIDED = 1.96
-"""Standard deviations within which 95 % of the errors that vibrations and contacts add lie."""
+"""Standard deviations within which 95 % of the errors of a model and of laws lie."""
 
 
 @dataclass(frozen=True)
@@ -32,9 +33,11 @@ class EventErrors:
     Args:
         recording: Name of the recording.
         clock: Time of the session's clock [s], shape (samples,).
-        errors: Measured minus predicted, NaN outside of events, shape (samples, rows).
-        allowed: What vibrations after fast changes of pressure, and the laws of walls and cords, may add to
-            them, shape (samples, rows).
+        errors: Measured minus predicted, NaN outside of events and where no stable equilibrium is known,
+            shape (samples, rows).
+        stable: Samples at which the model knows a stable equilibrium, shape (samples,).
+        allowed: What the model, which yields close to a limit point and vibrates after fast changes of
+            pressure, and the laws of the findings may add to them, shape (samples, rows).
         ranges: Range of each row, events included, shape (rows,).
         units: Unit of each row.
     """
@@ -42,6 +45,7 @@ class EventErrors:
     recording: str
     clock: Floats
     errors: Floats
+    stable: Flags
     allowed: Floats
     ranges: Floats
     units: tuple[str, ...]
@@ -49,14 +53,17 @@ class EventErrors:
     def explained(self, interval: tuple[float, float]) -> dict[str, float] | None:
         """Return the largest error of a model that predicts an event, in each unit; ``None`` if it does not.
 
-        It does if every error, less what vibrations and contacts may add to it, is below what the intake
-        would have reported. A row of which less than half was read, as of a sensor that is stuck, does not
-        count.
+        It does if every error, less what the model and laws may add to it, is below what the intake would
+        have reported. A row of which less than half was read, as of a sensor that is stuck, does not count.
+        Where most of the time no stable equilibrium is known, an arm may snap through by itself: nothing
+        speaks against the model, and there is no error.
 
         Args:
             interval: From when to when, by the session's clock [s].
         """
         during = inside(self.clock, [interval])
+        if np.mean(self.stable[during]) < LEAST_SEEN:
+            return {}
         errors = np.abs(self.errors[during])
         seen = np.isfinite(errors).sum(axis=0) >= max(LEAST_SEEN * len(errors), 1)
         if not seen.any():
@@ -83,24 +90,40 @@ def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
         readings = stage.session.event_readings
         if readings is None or stage.session.nominal:
             continue
-        change = 0.0 if fit is None else search.change(stage, fit)
+        change = np.zeros(stage.residual.shape) if fit is None else search.change(stage, fit)
+        stable = stage.compliance < UNSTABLE
         errors = stage.innovation(readings) - change - columns @ learnt
-        session = stage.session
-        allowed = TWO_SIDED * np.hypot(stage.model_error_std, SHARE * contact_change(search, stage, fit))
+        allowed = TWO_SIDED * np.hypot(assumed_std(search, stage), SHARE * sizes_of(change, stage.suite))
         found.append(
             EventErrors(
-                session.name, session.clock, errors, allowed, _ranges(stage), tuple(stage.suite.units)
+                stage.session.name,
+                stage.session.clock,
+                np.where(stable[:, None], errors, np.nan),
+                stable,
+                allowed,
+                _ranges(stage),
+                tuple(stage.suite.units),
             )
         )
     return tuple(found)
 
 
-def contact_change(search: Search, stage: Stage, fit: Fit | None) -> Floats:
-    """Return by how much walls and cords that were found change the predictions, shape (samples, rows)."""
-    acting = [k for k, h in enumerate(fit.hypotheses) if h.effect.responds_to_own_effect] if fit else []
-    if fit is None or not acting:
-        return np.zeros(stage.residual.shape)
-    return np.abs(search.change(stage, fit.selected(acting)))
+def sizes_of(change: Floats, suite: SensorSuite) -> Floats:
+    """Return in each row how far the angles, or the lengths, of its sensor change, shape (samples, rows).
+
+    What a law gets wrong of a change need not point where that does: an arm slips along a wall, and turns
+    beside its weak side.
+
+    Args:
+        change: Of the predictions, shape (samples, rows).
+        suite: The sensors.
+    """
+    units, sizes = np.array(suite.units), np.zeros_like(change)
+    for rows in suite.slices.values():
+        for unit in np.unique(units[rows]):
+            alike = np.arange(len(units))[rows][units[rows] == unit]
+            sizes[:, alike] = np.linalg.norm(change[:, alike], axis=1)[:, None]
+    return sizes
 
 
 def _ranges(stage: Stage) -> Floats:

@@ -86,7 +86,7 @@ def worst_over_nominal(search: Search, fit: Fit | None) -> float:
     worst = {True: 0.0, False: 0.0}
     for stage, residual in zip(search.evidence.stages, residuals_as_known(search, fit), strict=True):
         session = stage.session
-        errors = residual / _assumed(search, stage)
+        errors = residual / assumed_std(search, stage)
         for block in np.unique(session.blocks[~session.reported]):
             largest = float(_rms(errors[session.blocks == block]).max())
             worst[session.nominal] = max(worst[session.nominal], largest)
@@ -176,7 +176,7 @@ def _standardised(search: Search, residuals: Residuals, *, reported: bool) -> di
         session = stage.session
         if session.nominal:
             continue
-        scaled = residuals[number] / _assumed(search, stage)
+        scaled = residuals[number] / assumed_std(search, stage)
         chosen = session.reported if reported else ~session.heldout
         for block in np.unique(session.blocks[chosen]):
             stretch = scaled[(session.blocks == block) & chosen]
@@ -197,7 +197,7 @@ def worst_stretch(search: Search, residuals: Residuals) -> Stretch | None:
         session = stage.session
         if session.nominal:
             continue
-        errors = np.stack([residuals[number], residuals[number] / _assumed(search, stage)])
+        errors = np.stack([residuals[number], residuals[number] / assumed_std(search, stage)])
         for block in np.unique(session.blocks):
             in_block = session.blocks == block
             rms, standardised = _rms(errors[:, in_block])
@@ -217,7 +217,7 @@ def _questioned(search: Search) -> Iterator[tuple[int, Stage]]:
             yield number, stage
 
 
-def _assumed(search: Search, stage: Stage) -> Floats:
+def assumed_std(search: Search, stage: Stage) -> Floats:
     """Return the standard deviation that the choice assumed, whatever the residual, shape (samples, rows)."""
     return stage.error_std(search.weights.stds(channels(stage.suite)))
 

@@ -12,7 +12,6 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
-from softarm.estimator.diagnosis.events import contact_change
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.innovations import residuals_as_known
 from softarm.estimator.diagnosis.session import Session
@@ -69,6 +68,14 @@ def out_of_reach(search: Search, stage: Stage, fit: Fit | None, residual: Floats
     least = np.array([LEAST[unit] for unit in stage.suite.units])
     reached = np.any(contact_change(search, stage, fit) > least, axis=1)
     return np.where(reached.reshape(-1, 1), np.nan, residual)
+
+
+def contact_change(search: Search, stage: Stage, fit: Fit | None) -> Floats:
+    """Return by how much walls and cords that were found change the predictions, shape (samples, rows)."""
+    acting = [k for k, h in enumerate(fit.hypotheses) if h.effect.responds_to_own_effect] if fit else []
+    if fit is None or not acting:
+        return np.zeros(stage.residual.shape)
+    return np.abs(search.change(stage, fit.selected(acting)))
 
 
 def touches_of(stage: Stage, residual: Floats, specimen: Specimen) -> tuple[Disturbance, ...]:

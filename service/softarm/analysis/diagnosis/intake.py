@@ -185,10 +185,12 @@ def _cause(
     residuals = errors.explained((begin, end)) if errors else None
     if residuals is None:
         return ""
+    if not residuals:
+        return "The model knows no stable equilibrium there: the arm may have snapped through by itself."
     within = " and ".join(f"{Amount(size, unit)}" for unit, size in residuals.items())
     beyond = any(size > LEAST[unit] for unit, size in residuals.items())
-    vibrates = ", no more than it may get a vibration after fast changes of pressure wrong" if beyond else ""
-    return f"The model with all findings predicts it to within {within}{vibrates}, so it is no event."
+    usual = ", no more than it and its findings may get wrong there" if beyond else ""
+    return f"The model with all findings predicts it to within {within}{usual}, so it is no event."
 
 
 def event_finding(event: Disturbance) -> Finding:
