@@ -59,6 +59,7 @@ def test_an_error_is_measured_by_what_the_intake_would_have_reported() -> None:
     assert model_errors.explained((10.0, 19.0)) == pytest.approx(
         {"m": 0.9 * LEAST["m"], "rad": 0.9 * LEAST["rad"]}
     )
+    assert model_errors.explained((50.0, 60.0)) is None  # no sample lies there
     larger = replace(model_errors, errors=1.2 * errors)
     assert larger.explained((10.0, 19.0)) is None
     swinging = replace(larger, allowed=still + 0.3 * np.array([LEAST["m"], LEAST["rad"]]))

@@ -211,9 +211,10 @@ class Search:
             ]
         return self.kept[key]
 
-    def change(self, stage: Stage, fit: Fit, beside: Fit | None = None) -> Floats:
+    def change(self, stage: Stage, fit: Fit | None, beside: Fit | None = None) -> Floats:
         """Return what the effects of a fit change in a session beside others, shape (samples, rows)."""
-        return stage.change(placed_in(stage, fit), exact=fit.exact, beside=placed_in(stage, beside))
+        exact = fit is not None and fit.exact
+        return stage.change(placed_in(stage, fit), exact=exact, beside=placed_in(stage, beside))
 
     def problem(self, fit: Fit | None = None) -> MarginalisedProblem:
         """Prepare nonlinear fits, to what a fit leaves, on the searched stretches of the recordings."""

@@ -21,7 +21,7 @@ from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.series import inside
 
 LEAST_SEEN = 0.5
-"""Share of an event's samples from which a row speaks of it."""
+"""Share of an event's samples from which a row, or a model that knows a stable equilibrium, speaks of it."""
 TWO_SIDED = 1.96
 """Standard deviations within which 95 % of the errors of a model and of laws lie."""
 
@@ -62,7 +62,7 @@ class EventErrors:
             interval: From when to when, by the session's clock [s].
         """
         during = inside(self.clock, [interval])
-        if np.mean(self.stable[during]) < LEAST_SEEN:
+        if self.stable[during].sum() < LEAST_SEEN * during.sum():
             return {}
         errors = np.abs(self.errors[during])
         seen = np.isfinite(errors).sum(axis=0) >= max(LEAST_SEEN * len(errors), 1)
@@ -90,7 +90,7 @@ def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
         readings = stage.session.event_readings
         if readings is None or stage.session.nominal:
             continue
-        change = np.zeros(stage.residual.shape) if fit is None else search.change(stage, fit)
+        change = search.change(stage, fit)
         stable = stage.compliance < UNSTABLE
         errors = stage.innovation(readings) - change - columns @ learnt
         allowed = TWO_SIDED * np.hypot(assumed_std(search, stage), SHARE * sizes_of(change, stage.suite))
