@@ -20,11 +20,11 @@ FAINT = ((LOCKING, Place(segment="lower"), (0.05, 0.02)),)
 GAIN = (("chamber_gain", Place(chamber=1), (-0.15,)),)
 
 
-def searching(nominal: Concealed, questioned: Concealed) -> Search:
-    """Return the search on two nominal recordings and four in question, with effects of either."""
+def searching(nominal: Concealed, questioned: Concealed, name: EffectName = "chamber_gain") -> Search:
+    """Search for an effect in four recordings beside two nominal ones, with what acts in either."""
     sessions = [session(f"nominal_{k}", k, nominal, nominal=True) for k in range(2)]
     sessions += [session(f"run_{k}", 10 + k, questioned) for k in range(4)]
-    return begin(assemble(model(), sessions, Inline(), ("chamber_gain",)).evidence, fast=False)
+    return begin(assemble(model(), sessions, Inline(), (name,)).evidence, fast=False)
 
 
 @pytest.mark.parametrize(("nominal", "changed"), [((), True), (LAW, False)])
@@ -43,6 +43,17 @@ def test_what_explains_more_alone_is_what_acts(questioned: Concealed, *, unknown
     gain = search.candidate(own, np.array([-0.1]), search.problem(), None)
     assert gain is not None
     assert (unnamed_law(search, gain.fit).probability > 0.5) is unknown
+
+
+@pytest.mark.parametrize("size", [-0.3, -0.2, -0.1, 0.1, 0.3])
+def test_a_law_that_states_what_a_name_does_takes_its_place_nowhere(size: float):
+    """The first hinge of a segment's bend is its stiffness."""
+    lower = Place(segment="lower")
+    search = searching((), (("segment_stiffness", lower, (size,)),), "segment_stiffness")
+    own = [h.place for h in search.evidence.library.hypotheses].index(lower)
+    stiffness = search.candidate(own, np.array([size]), search.problem(), None)
+    assert stiffness is not None
+    assert unnamed_law(search, stiffness.fit).probability < 0.05
 
 
 def test_the_names_that_a_law_outdoes_are_listed_once() -> None:

@@ -10,8 +10,9 @@ of recordings that it was not fitted to.
 Both together explain more than either, for no law and no effect is exact. So what decides is how much of
 all that they explain, b, only one of them does: the effects b - l, where l is what the law explains alone,
 and the law b - e. A law bends to whatever the model of an arm gets wrong as well, so it takes the place of
-names only where its own part is twice theirs: l > (e + b) / 2. Then what was left out is not in the
-library, and the nearest name would be wrong. A name is right only if the library contains what acts: its
+names only where its own part is twice theirs: l > (e + b) / 2, and by more than what counts as alike: where
+both explain the same, names are the plainer. Then what was left out is not in the library, and the nearest
+name would be wrong. A name is right only if the library contains what acts: its
 probability is that of its rivals in the library times that no law without a name acts instead (Bernardo and
 Smith, Bayesian Theory (1994), section 6.1, on sets of models that may be incomplete).
 
@@ -29,6 +30,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.distance import cdist
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.diagnosis.candidates import ALIKE, ALIKE_SHARE
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Combinations, NewFolds
@@ -236,7 +238,7 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     law = shown.law
     nothing = _log_densities(shown.without(), shown.known, shown.known)
     densities = [_log_densities(shown.shown, shown.known, shown.changed) - nothing, np.zeros_like(nothing)]
-    named_gain = 0.0
+    gain, named_gain = 2.0 * float(densities[0].sum()), 0.0
     if fit is not None:
         price = 0.5 * search.bic_penalty * (fit.degrees_of_freedom - 1) / len(nothing)
         joint = _with_effects(search, shown, fit)
@@ -246,10 +248,10 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         beside = max(of_each_size, key=lambda one: predictive(_of_any_size(one), joint.whole, 1.0))
         both = _log_densities(joint, beside.known, _of_any_size(beside)) - price - nothing
         named_gain = 2.0 * float(effects.sum())
-        densities.append(OWN_PART * effects + (1.0 - OWN_PART) * both)
+        alike = 0.5 * max(ALIKE, ALIKE_SHARE * gain) / len(nothing)
+        densities.append(OWN_PART * effects + (1.0 - OWN_PART) * both + alike)
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
     nearest = () if fit is None else tuple(fit.hypotheses)
-    gain = 2.0 * float(densities[0].sum())
     return UnnamedLaw(gain, named_gain, probability, nearest, law.place, law.regime)
 
 
