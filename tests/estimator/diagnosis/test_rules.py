@@ -843,6 +843,8 @@ def confirming(*left: float) -> list[NormalEquations]:
 
 MOSTLY_WORSE = ((2.0, *[0.0] * 7), (0.0, *[0.4] * 7))
 """Residuals without and with an effect that shows in one stretch of eight."""
+ONCE_BETTER = ((3.0, *[0.0] * 7), (0.0, *[0.4] * 7))
+"""The same where that one alone gains as much as the effect's size says, but for chance."""
 
 
 @pytest.mark.parametrize(
@@ -853,6 +855,7 @@ MOSTLY_WORSE = ((2.0, *[0.0] * 7), (0.0, *[0.4] * 7))
         ((1.0,), (1.0,), 0.0, []),
         (*MOSTLY_WORSE, 0.5, []),
         (*MOSTLY_WORSE, 1.0, [0]),
+        (*ONCE_BETTER, 1.0, []),
     ],
 )
 def test_an_effect_has_to_predict_the_confirming_stretches_if_it_would_show_there(before, after, shown, lost):
@@ -996,6 +999,7 @@ def test_names_that_are_less_likely_than_a_slight_law_are_withdrawn(monkeypatch,
     [
         ("line_lag", 0.0, True, False),
         ("line_lag", 0.0, False, True),
+        ("line_lag", 4.0, True, True),
         ("line_lag", 40.0, True, True),
         ("line_leak", 0.0, True, True),
     ],

@@ -21,9 +21,8 @@ from softarm.estimator.diagnosis.innovations import (
 )
 from softarm.estimator.diagnosis.judge import bootstrap
 from softarm.estimator.diagnosis.library import Hypothesis
-from softarm.estimator.diagnosis.normal_equations import NormalEquations, total
+from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, added, total
 from softarm.estimator.diagnosis.probability import (
-    BARE,
     CREDIBLE,
     Explanation,
     credible_set,
@@ -212,8 +211,8 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
     Judged like folds in ``Search.judge``: the prior of the calibration is that from before these recordings.
     What would hardly show in these data, as a wall that is not reached there, is not judged by them; nor is
     it by the stretches of a resampling in which an effect that acts may by chance gain less than nothing. An
-    effect with which all of them together are predicted as much better as its size says is confirmed, even if
-    that rests on few: a mass shows where the mount is turned.
+    effect with which all of them together are predicted as much better as its size says, but for chance, is
+    confirmed, even if that rests on few: a mass shows where the mount is turned.
 
     Args:
         search: The search.
@@ -226,14 +225,15 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
     after = _confirming(search.parts(fit))
 
     def disproved(others: Fit | None) -> bool:
-        before, expected = _confirming(search.parts(others)), expected_gains(search, fit, others)
+        before, (each, whole) = _confirming(search.parts(others)), expected_gains(search, fit, others)
+        gain = _gain(search, before, after, range(len(after)))
+        if whole < SHOWN or gain > whole - by_chance(whole):
+            return False
         drawn = [
-            _gain(search, before, after, chosen) + lost_by_chance(expected, chosen)
+            _gain(search, before, after, chosen) + lost_by_chance(each, chosen)
             for chosen in _draws(search.rng, len(after))
         ]
-        whole = _gain(search, before, after, range(len(after)))
-        better = whole > NOTHING and float(np.percentile(drawn, sure)) > -NOTHING
-        return not better and float(expected.sum()) > max(SHOWN, whole)
+        return gain < NOTHING or float(np.percentile(drawn, sure)) < -NOTHING
 
     every = list(range(len(choice.accepted)))
     if not after:
@@ -244,8 +244,8 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
     return [k for k in every if disproved(rests[k])]
 
 
-def expected_gains(search: Search, fit: Fit, rest: Fit | None) -> Floats:
-    """Return by how much effects lower the cost of each confirming stretch if they act just as in a fit.
+def expected_gains(search: Search, fit: Fit, rest: Fit | None) -> tuple[Floats, float]:
+    """Return by how much effects lower the cost of confirming stretches if they act just as in a fit.
 
     Args:
         search: The search.
@@ -253,7 +253,8 @@ def expected_gains(search: Search, fit: Fit, rest: Fit | None) -> Floats:
         rest: Those that are taken for granted.
 
     Returns:
-        Shape (stretches,).
+        Of each stretch alone, shape (stretches,); and of all together, which is less than the sum where the
+        common coefficients learn from all of them.
     """
 
     def change(stage: Stage) -> Floats:
@@ -263,10 +264,17 @@ def expected_gains(search: Search, fit: Fit, rest: Fit | None) -> Floats:
 
     parts = _confirming(search.parts(fit))
     changes = search.evidence.with_columns(search.weights, change, parts, search.residuals(fit))
-    marginals = (
-        _marginaliser(search, [part]).marginal(new) for part, new in zip(parts, changes, strict=True)
-    )
-    return np.array([float(marginal.matrix[0, 0]) for marginal in marginals])
+
+    def expected(some: Sequence[NormalEquations], new: NewColumns) -> float:
+        return float(_marginaliser(search, some).marginal(new).matrix[0, 0])
+
+    each = np.array([expected([part], new) for part, new in zip(parts, changes, strict=True)])
+    return each, expected(parts, added(changes))
+
+
+def by_chance(expected: float) -> float:
+    """Return by how much the gain of effects that act may by chance fall short of what is expected."""
+    return BY_CHANCE * 2.0 * float(np.sqrt(expected))
 
 
 def lost_by_chance(expected: Floats, chosen: Sequence[int]) -> float:
@@ -279,7 +287,7 @@ def lost_by_chance(expected: Floats, chosen: Sequence[int]) -> float:
         chosen: Numbers of the stretches, some perhaps more than once.
     """
     times = np.bincount(chosen, minlength=len(expected))
-    return max(BY_CHANCE * 2.0 * float(np.sqrt(times**2 @ expected)) - float(times @ expected), 0.0)
+    return max(by_chance(float(times**2 @ expected)) - float(times @ expected), 0.0)
 
 
 def _confirming(parts: Sequence[NormalEquations]) -> list[NormalEquations]:
@@ -365,7 +373,7 @@ def without_improbable(
         sized = replace(choice, fit=sizes)
         probable = [Explanations.of(search, sized, k).or_alike for k in range(len(choice.accepted))]
         weakest = int(np.argmin(probable))
-        if probable[weakest] > BARE * (1.0 - probable[weakest]):
+        if probable[weakest] > LIKELIER:
             break
         dropped.append(sizes.hypotheses[weakest].name)
         choice, sizes, fragments = without_fragments(search, search.without(choice, [weakest]))
