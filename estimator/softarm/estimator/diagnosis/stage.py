@@ -250,6 +250,16 @@ class Stage:
         return strain_stiffness(self.arm.baseline, self.arm.segments)
 
     @cached_property
+    def elastic_stiffness(self) -> Floats:
+        """Stiffness of the arm without weight and pressures, shape (4 segments, 4 segments)."""
+        drive = self.drive
+        chambers, sections = drive.pressures.shape[1], drive.wrenches.shape[1]
+        none = np.zeros((1, chambers))
+        rest = Drive.of(np.zeros(1), none, np.zeros(3), sections, self.arm.segments.count)
+        stiffness: Floats = strain_stiffness(self.exact.respond(rest), self.arm.segments)[1][0]
+        return stiffness
+
+    @cached_property
     def _strain_jacobian(self) -> Floats:
         """Derivative of the predictions by the strains, shape (samples, rows, 4 segments)."""
         by_couple, stiffness, _ = self._strain_stiffness

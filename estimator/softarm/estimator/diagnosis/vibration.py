@@ -155,7 +155,7 @@ def _envelope(stage: Stage, vibrated: Floats) -> Floats:
 
 
 def _dynamics(stage: Stage, masses: Masses) -> StrainDynamics:
-    return StrainDynamics.of(stage.arm.baseline, stage.arm.segments, masses)
+    return StrainDynamics.of(stage.arm.baseline, stage.arm.segments, masses, stage.elastic_stiffness)
 
 
 def _vibrating(stage: Stage, dynamics: StrainDynamics, theta: Floats) -> VibratingArm:

@@ -89,7 +89,7 @@ def inertia_damping(signals: Signals, theta: Floats, spot: Spot, memory: Memory)
 
 
 def inertia_damping_modal(theta: Floats) -> ModalChange:
-    """Add inertia and damping in proportion to the stiffness of the place."""
+    """Add inertia and damping in proportion to the stiffness of the material there."""
     inertia, damping = theta.tolist()
     return ModalChange(inertia_time=inertia, damping_time=damping)
 

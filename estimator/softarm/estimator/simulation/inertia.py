@@ -77,6 +77,7 @@ class StrainDynamics:
         rubber: What the segments have of M, of the same shape.
         places: Derivative of the sections' origins by the strains, shape (samples, sections, 3, strains).
         stable: Samples at a stable equilibrium, shape (samples,); the others have typical matrices.
+        elastic: Stiffness of the material: of the arm without weight and pressures, shape (strains, strains).
         drag: Damping beside that in proportion to M and K, of the same shape; ``None`` for none.
         damped: K in proportion to which it damps, of the same shape; ``None`` for that of ``stiffness``.
         rocking: Columns of the mass matrix for rotations of the base about x and y, behind those of the
@@ -88,6 +89,7 @@ class StrainDynamics:
     rubber: Floats
     places: Floats
     stable: Flags
+    elastic: Floats
     drag: Floats | None = None
     damped: Floats | None = None
     rocking: Floats | None = None
@@ -98,8 +100,17 @@ class StrainDynamics:
         return self.stiffness if self.damped is None else self.damped
 
     @classmethod
-    def of(cls, response: ArmResponse, segments: Segments, masses: Masses) -> "StrainDynamics":
-        """Reduce the arm to its strains in every pose."""
+    def of(
+        cls, response: ArmResponse, segments: Segments, masses: Masses, elastic: Floats
+    ) -> "StrainDynamics":
+        """Reduce the arm to its strains in every pose.
+
+        Args:
+            response: Of the arm, with derivatives.
+            segments: The segments.
+            masses: Masses that vibrate.
+            elastic: Stiffness of the material, shape (strains, strains).
+        """
         frames = response.frames
         samples, sections = frames.positions.shape[:2]
         twist_by_couple, stiffness, stable = strain_stiffness(response, segments)
@@ -109,7 +120,8 @@ class StrainDynamics:
         whole = _mass_on_a_base(frames, segments.neighbours, masses, by_strain)
         size = by_strain.shape[-1]
         places = np.ascontiguousarray(by_strain[:, :, :3])
-        return cls(stiffness, whole[:, :size, :size], soft, places, stable, rocking=whole[:, :, size:])
+        mass, rocking = whole[:, :size, :size], whole[:, :, size:]
+        return cls(stiffness, mass, soft, places, stable, elastic, rocking=rocking)
 
     def times(self, factor: float) -> "StrainDynamics":
         """Return the matrices of an arm with all masses times a factor."""
@@ -137,13 +149,16 @@ class StrainDynamics:
     def slower(self, strains: Flags, inertia_time: float, damping_time: float) -> "StrainDynamics":
         """Return the matrices of an arm with more inertia and damping of some strains.
 
+        A material that is viscous as Kelvin and Voigt have it stays so whatever it is strained by, and weight
+        adds to the stiffness of an arm that hangs, but damps nothing.
+
         Args:
             strains: Which ones, shape (strains,).
-            inertia_time: a [s]: a^2 of their stiffness is added to the masses.
+            inertia_time: a [s]: a^2 of the stiffness of their material is added to the masses.
             damping_time: d [s]: d of it is added to the damping.
         """
-        part = self.stiffness * np.outer(strains, strains)
-        drag = damping_time * part + (0.0 if self.drag is None else self.drag)
+        part = self.elastic * np.outer(strains, strains)
+        drag = damping_time * part + (np.zeros_like(self.stiffness) if self.drag is None else self.drag)
         return replace(self, mass=self.mass + inertia_time**2 * part, drag=drag)
 
     def stiffer(self, strains: Flags, factor: Floats) -> "StrainDynamics":
