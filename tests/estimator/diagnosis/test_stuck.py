@@ -12,6 +12,8 @@ from softarm.estimator.diagnosis.nuisances import calibrate_sessions
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.stuck import (
+    LEAST,
+    MOVING,
     find_stuck,
     stuck_findings,
     stuck_pressures,
@@ -53,6 +55,20 @@ def test_a_sensor_that_stops_is_named_with_its_time(stages: tuple[Stage, Stage])
     time = stopped.session.time - stopped.session.time[0]
     assert np.isnan(blind.session.readings[(time > 22.0) & (time < 42.0), 2:]).all()
     np.testing.assert_array_equal(blind.session.readings[:, :2], stopped.session.readings[:, :2])
+
+
+def test_a_sensor_that_stops_while_the_arm_moves_slowly_is_stuck(stages: tuple[Stage, Stage]) -> None:
+    """It moves by less than counts as motion in the shortest time that counts."""
+    run = stages[0].session
+    pressures = np.zeros_like(run.pressures)
+    pressures[:, 4] = np.interp(run.time - run.time[0], [0.0, 45.0], [0.0, 30e3])
+    stage = calibrate_sessions(model(), [_nominal()]).stage(model(), replace(run, pressures=pressures))
+    readings = stage.base.copy()
+    moved = np.abs(np.diff(readings[:: round(LEAST / run.step), 2:], axis=0)).max()
+    readings[90:, 2:] = readings[90, 2:]
+    (stuck,) = find_stuck(replace(stage, session=replace(stage.session, readings=readings)))
+    assert moved < MOVING
+    assert (stuck.sensor, stuck.since) == ("bend_tip", pytest.approx(run.time[90], abs=0.5))
 
 
 def test_a_sensor_that_stands_still_during_an_event_is_stuck_there_too(stages: tuple[Stage, Stage]) -> None:

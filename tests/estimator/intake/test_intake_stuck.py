@@ -108,6 +108,27 @@ def test_an_axis_that_no_chamber_moves_is_left_alone() -> None:
     assert correct_stuck(planar, SPECIMEN)[1] == ()
 
 
+@pytest.mark.parametrize("common", [0.0, 40e3])
+def test_chambers_that_push_alike_drive_nothing(bends: Recording, common: float) -> None:
+    """What unequal gains make of a large pressure is no gain of the small differences between chambers."""
+    rng, time = np.random.default_rng(3), bends.time
+    x, y = (np.where((time + shift) % 16.0 < 8.0, 1.0, -1.0) for shift in (0.0, 4.0))
+    pressures = (x, -0.5 * x + y, -0.5 * x - y) * 2
+    columns = {
+        f"pressure_{cmd}{k}_pa": common + 400.0 * (one + 1.5)
+        for cmd in ("", "cmd_")
+        for k, one in enumerate(pressures)
+    }
+    columns |= {
+        name: 0.05 * x * name.endswith("x_rad") + rng.normal(0.0, 1e-3, len(time))
+        for name in bends.columns
+        if name.startswith("bend_")
+    }
+    _, faults = correct_stuck(replace(bends, columns={**bends.columns, **columns}), SPECIMEN)
+    still = {name for fault in faults for name in fault.columns}
+    assert not still if common else {"bend_intermediate.y", "bend_tip.y"} <= still
+
+
 def test_a_recording_without_noise_is_left_alone(bends: Recording) -> None:
     """Nobody can tell a sensor that stands still from one that sees nothing move."""
     smooth = {

@@ -17,6 +17,8 @@ from softarm.estimator.specimen.physics import Place
 
 LEAST = 3.0
 """Shortest time [s] for which a sensor must stand still."""
+LONGER = (1, 2, 4)
+"""Multiples of that over which motion is looked for: slow ones take longer to show."""
 MOVING = 0.05
 """Motion that the model must predict meanwhile [rad], and a hundredth of it in metres."""
 STILL = 0.02
@@ -216,16 +218,15 @@ def stuck_findings(stuck: Sequence[Stuck]) -> tuple[Finding, ...]:
 def _still(time: Floats, shown: Floats, wanted: Floats) -> list[tuple[int, int]]:
     """List the longest stretches in which readings stand still and predictions move, or have moved away."""
     step = float(np.median(np.diff(time)))
-    width = max(3, round(LEAST / step))
-    if len(time) <= width:
-        return []
-    early = max(2, width - int(np.ceil(LATE / step)))
-    motion = _range(wanted, early)[: len(time) - width + 1]
-    quiet = _range(shown, width) < STILL * np.maximum(motion, MOVING)
-    moving = motion > MOVING
+    late = int(np.ceil(LATE / step))
     flags = np.zeros(len(time), dtype=bool)
-    for k in np.flatnonzero(quiet & moving):
-        flags[k : k + width] = True
+    for width in (max(3, round(times * LEAST / step)) for times in LONGER):
+        if len(time) <= width:
+            break
+        motion = _range(wanted, max(2, width - late))[: len(time) - width + 1]
+        quiet = _range(shown, width) < STILL * np.maximum(motion, MOVING)
+        for k in np.flatnonzero(quiet & (motion > MOVING)):
+            flags[k : k + width] = True
     for start, end in runs(flags):
         flags |= _held(shown, wanted, slice(start, end))
     return runs(flags)

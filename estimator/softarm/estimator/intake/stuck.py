@@ -18,6 +18,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
 from softarm.estimator.diagnosis.stuck import ASKED, LEAST, REPEATED
+from softarm.estimator.effects import EFFECTS
 from softarm.estimator.intake.bodies import rigid_bodies
 from softarm.estimator.intake.grid import pressures_of, pushes_of
 from softarm.estimator.intake.labels import MISFIT, PLACED
@@ -41,6 +42,8 @@ LEAST_WINDOWS = 5
 """Windows in which both a bend and its drive were read, below which nothing is learnt of it."""
 LAGS = np.arange(-2.5, 2.55, 0.05)
 """Lags of a bend behind its drive [s] that are tried; longer ones leave the gain of no axis known."""
+UNEQUAL = EFFECTS["chamber_gain"].parameters[0].spread
+"""Share by which the gains of chambers differ: they bend a section that is driven by less of their sum."""
 EXCITED = 0.2
 """Directions in which the drive moves by less than this share of its strongest show no gain."""
 
@@ -51,7 +54,7 @@ class BendAxes:
 
     Args:
         values: Both axes [rad], NaN where lost, shape (windows, 2).
-        drive: v [Pa], NaN in windows without a sample, shape (windows, 2).
+        drive: v [Pa], NaN in windows where it is unknown, shape (windows, 2).
     """
 
     values: Floats
@@ -93,8 +96,10 @@ class BendAxes:
 
 
 def _strongest(drive: Floats) -> Floats:
-    """Return the direction in which the drive moves most, a unit vector of shape (2,)."""
+    """Return the direction in which the drive moves most, a unit vector of shape (2,); 0 if it is unknown."""
     sampled = drive[np.isfinite(drive).all(axis=1)]
+    if not len(sampled):
+        return np.zeros(2)
     direction: Floats = np.linalg.svd(sampled - sampled.mean(axis=0), full_matrices=False)[2][0]
     return direction
 
@@ -364,15 +369,21 @@ def _left_behind(recording: Recording, specimen: Specimen) -> list[StuckReading]
 
 
 def _drive(recording: Recording, specimen: Specimen, section: str) -> Floats:
-    """Sum up v of the segments between a section and the one above it [Pa], shape (samples, 2)."""
+    """Sum up v of the segments between a section and the one above it [Pa], shape (samples, 2).
+
+    It is NaN where it is less than what chambers under like pressures push by because they differ.
+    """
     begins = [0.0, *(one.from_m for one in specimen.sections)]
     here = next((one.from_m for one in specimen.sections if one.name == section), 0.0)
     above = max((z for z in begins if z < here), default=0.0)
     segments = [one.name for one in specimen.segments if above <= one.from_m < here]
-    pushes = pushes_of(pressures_of(recording), recording.chambers, specimen)
-    within = [one.name in segments for one in specimen.segments]
-    drive = -pushes[:, within].sum(axis=1)
-    return np.column_stack([drive.real, drive.imag])
+    own = [one.name in segments for one in specimen.segments]
+    pressures = pressures_of(recording)
+    drive = -pushes_of(pressures, recording.chambers, specimen)[:, own].sum(axis=1)
+    inside = [specimen.chambers[number].segment in segments for number in recording.chambers]
+    whole = pressures[:, inside].sum(axis=1)
+    balanced = (np.abs(drive) < UNEQUAL * whole) & (whole > ASKED)
+    return np.where(balanced[:, None], np.nan, np.column_stack([drive.real, drive.imag]))
 
 
 def _windows(time: Floats) -> Indices:
