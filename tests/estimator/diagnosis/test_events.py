@@ -1,6 +1,8 @@
 """Stretches that look like a touch before the physics is known, and what the diagnosed model says of them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -8,9 +10,12 @@ import pytest
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.diagnose import diagnose
-from softarm.estimator.diagnosis.events import EventErrors, sizes_of
+from softarm.estimator.diagnosis.events import EventErrors, law_errors, sizes_of
+from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.prepare import averaged, prepare
 from softarm.estimator.diagnosis.session import Session
+from softarm.estimator.effects import EFFECTS
 from softarm.estimator.intake import Disturbance, Intake
 from softarm.estimator.intake.unsteady import LEAST
 from softarm.estimator.recording import Recording
@@ -101,6 +106,26 @@ def test_the_law_of_a_finding_may_get_some_of_what_it_changes_wrong() -> None:
     by_law = np.sqrt(np.maximum(allowed(weak) ** 2 - allowed(usual) ** 2, 0.0))
     large = changed[:, 0] > 0.5 * changed.max()
     assert by_law[large] / changed[large] == pytest.approx(1.96 * 0.3, rel=0.1)
+
+
+def test_an_arm_may_be_as_far_away_as_a_law_that_is_a_little_stronger_puts_it() -> None:
+    """One that is about to snap through is far from where its law has it if that is wrong by little."""
+    suite = trial([WEAK])[3].suite
+    fit = Fit((Hypothesis(EFFECTS["tip_payload"], Place()),), (np.array([0.02]),), np.eye(1), 0.0)
+
+    def change(_: object, own: Fit) -> Floats:
+        return np.tile((own.thetas[0][0] / 0.02) ** 8 * np.ones(len(suite.units)), (2, 1))
+
+    search, stage = (cast("Any", SimpleNamespace(**made)) for made in ({"change": change}, {"suite": suite}))
+    rows = suite.slices[suite.measurements[0].name]
+    errors = law_errors(search, stage, fit, change(stage, fit))
+    assert errors[:, rows] == pytest.approx((1.3**8 - 1.0) * np.sqrt(2.0))
+
+
+def test_amplitudes_grow_within_their_bounds_and_shapes_stay() -> None:
+    leak = Hypothesis(EFFECTS["line_leak"], Place(chamber=1))
+    fit = Fit((leak,), (np.array([0.9, 0.3, 7.0]),), np.eye(3), 0.0)
+    assert fit.with_amplitudes(1.3).thetas[0] == pytest.approx([0.95, 0.39, 7.0])
 
 
 def test_readings_during_an_event_stay_beside_those_that_fits_see() -> None:

@@ -93,7 +93,7 @@ def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
         change = search.change(stage, fit)
         stable = stage.compliance < UNSTABLE
         errors = stage.innovation(readings) - change - columns @ learnt
-        allowed = TWO_SIDED * np.hypot(assumed_std(search, stage), SHARE * sizes_of(change, stage.suite))
+        allowed = TWO_SIDED * np.hypot(assumed_std(search, stage), law_errors(search, stage, fit, change))
         found.append(
             EventErrors(
                 stage.session.name,
@@ -106,6 +106,29 @@ def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
             )
         )
     return tuple(found)
+
+
+def law_errors(search: Search, stage: Stage, fit: Fit | None, change: Floats) -> Floats:
+    """Return by how far findings change a stage otherwise if their laws are wrong by their usual share.
+
+    That is ``SHARE`` of what they change, and more where the arm yields far more to a little more of them.
+
+    Args:
+        search: The search.
+        stage: The stage.
+        fit: All findings.
+        change: What they change of the predictions.
+
+    Returns:
+        In any direction of a sensor, shape (samples, rows).
+    """
+    errors = SHARE * sizes_of(change, stage.suite)
+    if fit is None:
+        return errors
+    for factor in (1.0 - SHARE, 1.0 + SHARE):
+        other = search.change(stage, fit.with_amplitudes(factor))
+        errors = np.fmax(errors, sizes_of(other - change, stage.suite))
+    return errors
 
 
 def sizes_of(change: Floats, suite: SensorSuite) -> Floats:

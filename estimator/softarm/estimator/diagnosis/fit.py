@@ -170,6 +170,16 @@ class Fit:
         order.insert(number, len(order))
         return self.joined(other).selected(order)
 
+    def with_amplitudes(self, factor: float) -> "Fit":
+        """Multiply all amplitudes, within their bounds."""
+        scaled = []
+        for hypothesis, theta in zip(self.hypotheses, self.thetas, strict=True):
+            parameters = hypothesis.effect.parameters
+            sizes = [factor if one.role == "amplitude" else 1.0 for one in parameters]
+            bounds = [one.lower for one in parameters], [one.upper for one in parameters]
+            scaled.append(np.clip(theta * sizes, *bounds))
+        return replace(self, thetas=tuple(scaled))
+
     @property
     def at_bound(self) -> bool:
         """Whether an amplitude of any effect is at a bound that is not its neutral value."""
