@@ -20,6 +20,11 @@ SIGNIFICANT_Z = 3.0
 """Size of an amplitude over its standard deviation from which it is significant."""
 
 
+def alike_within(gain: float) -> float:
+    """Return by how much less than a gain the plainer of two may gain; see ``ALIKE``."""
+    return max(ALIKE, ALIKE_SHARE * gain)
+
+
 @dataclass(frozen=True)
 class Candidate:
     """A hypothesis after its fit.
@@ -77,7 +82,7 @@ def plainest_first(field: list[Candidate]) -> list[Candidate]:
     """Put the one with the fewest and likeliest numbers first among those as good as the best."""
     if not field:
         return field
-    margin = max(ALIKE, ALIKE_SHARE * field[0].delta_bic)
+    margin = alike_within(field[0].delta_bic)
     alike = [one for one in field if one.delta_bic > field[0].delta_bic - margin]
 
     def plain(one: Candidate) -> tuple[int, float]:

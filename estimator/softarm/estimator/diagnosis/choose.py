@@ -9,10 +9,10 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
-    ALIKE_SHARE,
     Accepted,
     Candidate,
     ChosenEffects,
+    alike_within,
     is_distinguishable,
     is_moved,
     plainest_first,
@@ -361,7 +361,7 @@ class Search:
                 for one, own in zip(able, costs, strict=True)
             ]
         )
-        close = gains >= gains.max() - max(ALIKE, ALIKE_SHARE * gains.max())
+        close = gains >= gains.max() - alike_within(float(gains.max()))
         near = np.flatnonzero(close | (weights >= weights.max() / BARE)).tolist()
         near.sort(key=lambda k: (self.only_moves(able[k]), len(able[k].fit.thetas[-1]), -weights[k]))
         return [able[k] for k in near]

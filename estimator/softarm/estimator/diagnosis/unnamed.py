@@ -10,11 +10,11 @@ of recordings that it was not fitted to.
 Both together explain more than either, for no law and no effect is exact. So what decides is how much of
 all that they explain, b, only one of them does: the effects b - l, where l is what the law explains alone,
 and the law b - e. A law bends to whatever the model of an arm gets wrong as well, so it takes the place of
-names only where its own part is twice theirs: l > (e + b) / 2, and by more than what counts as alike: where
-both explain the same, names are the plainer. Then what was left out is not in the library, and the nearest
-name would be wrong. A name is right only if the library contains what acts: its
-probability is that of its rivals in the library times that no law without a name acts instead (Bernardo and
-Smith, Bayesian Theory (1994), section 6.1, on sets of models that may be incomplete).
+names only where its own part is twice theirs: l > (e + b) / 2, and by more than counts as alike, since names
+are plainer. Then what was left out is not in the library, and the nearest name would be wrong. A name is
+right only if the library contains what acts: its probability is that of its rivals in the library times that
+no law without a name acts instead (Bernardo and Smith, Bayesian Theory (1994), section 6.1, on sets of models
+that may be incomplete).
 
 The library's columns do not stand for a law, so what nominal recordings have of one is learnt from these:
 only a change of it counts. The process is not compared so. It is wide enough that whatever has changed
@@ -30,7 +30,7 @@ from scipy.linalg import block_diag
 from scipy.spatial.distance import cdist
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.candidates import ALIKE, ALIKE_SHARE
+from softarm.estimator.diagnosis.candidates import alike_within
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Combinations, NewFolds
@@ -248,8 +248,8 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         beside = max(of_each_size, key=lambda one: predictive(_of_any_size(one), joint.whole, 1.0))
         both = _log_densities(joint, beside.known, _of_any_size(beside)) - price - nothing
         named_gain = 2.0 * float(effects.sum())
-        alike = 0.5 * max(ALIKE, ALIKE_SHARE * gain) / len(nothing)
-        densities.append(OWN_PART * effects + (1.0 - OWN_PART) * both + alike)
+        plainer = 0.5 * alike_within(gain) / len(nothing)
+        densities.append(OWN_PART * effects + (1.0 - OWN_PART) * both + plainer)
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
     nearest = () if fit is None else tuple(fit.hypotheses)
     return UnnamedLaw(gain, named_gain, probability, nearest, law.place, law.regime)

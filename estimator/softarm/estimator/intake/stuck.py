@@ -43,7 +43,7 @@ LEAST_WINDOWS = 5
 LAGS = np.arange(-2.5, 2.55, 0.05)
 """Lags of a bend behind its drive [s] that are tried; longer ones leave the gain of no axis known."""
 UNEQUAL = EFFECTS["chamber_gain"].parameters[0].spread
-"""Share by which the gains of chambers differ: they bend a section that is driven by less of their sum."""
+"""Share by which the gains of chambers differ: a drive that is less of their sum may come of that."""
 EXCITED = 0.2
 """Directions in which the drive moves by less than this share of its strongest show no gain."""
 
