@@ -223,12 +223,19 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
     if fit is None:
         return []
     after = _confirming(search.parts(fit))
+    if not after:
+        return []
+    together = _marginaliser(search, after)
 
     def disproved(others: Fit | None) -> bool:
-        before, (each, whole) = _confirming(search.parts(others)), expected_gains(search, fit, others)
-        gain = _gain(search, before, after, range(len(after)))
-        if whole < SHOWN or gain > whole - by_chance(whole):
+        before, changes = _confirming(search.parts(others)), confirming_changes(search, fit, others)
+        gain = together.renewed(before).cost - together.cost
+        # Less than the sum over the stretches: the common coefficients learn from all of them.
+        expected = expected_gain(together, added(changes))
+        if expected < SHOWN or gain > expected - by_chance(expected):
             return False
+        alone = [_marginaliser(search, [part]) for part in after]
+        each = np.array([expected_gain(seen, new) for seen, new in zip(alone, changes, strict=True)])
         drawn = [
             _gain(search, before, after, chosen) + lost_by_chance(each, chosen)
             for chosen in _draws(search.rng, len(after))
@@ -236,40 +243,32 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
         return gain < NOTHING or float(np.percentile(drawn, sure)) < -NOTHING
 
     every = list(range(len(choice.accepted)))
-    if not after:
-        return []
     if len(every) > 1 and disproved(None):
         return every
     rests = [search.subset(fit, [j for j in every if j != k]) for k in every]
     return [k for k in every if disproved(rests[k])]
 
 
-def expected_gains(search: Search, fit: Fit, rest: Fit | None) -> tuple[Floats, float]:
-    """Return by how much effects lower the cost of confirming stretches if they act just as in a fit.
+def confirming_changes(search: Search, fit: Fit, rest: Fit | None) -> list[NewColumns]:
+    """Return the products of what effects change in each confirming stretch.
 
     Args:
         search: The search.
         fit: All effects.
         rest: Those that are taken for granted.
-
-    Returns:
-        Of each stretch alone, shape (stretches,); and of all together, which is less than the sum where the
-        common coefficients learn from all of them.
     """
 
     def change(stage: Stage) -> Floats:
-        prior_change = 0.0 if rest is None else search.change(stage, rest)
-        more: Floats = search.change(stage, fit) - prior_change
+        more: Floats = search.change(stage, fit) - search.change(stage, rest)
         return more[..., None]
 
     parts = _confirming(search.parts(fit))
-    changes = search.evidence.with_columns(search.weights, change, parts, search.residuals(fit))
+    return search.evidence.with_columns(search.weights, change, parts, search.residuals(fit))
 
-    def expected(some: Sequence[NormalEquations], new: NewColumns) -> float:
-        return float(_marginaliser(search, some).marginal(new).matrix[0, 0])
 
-    each = np.array([expected([part], new) for part, new in zip(parts, changes, strict=True)])
-    return each, expected(parts, added(changes))
+def expected_gain(seen: Marginaliser, change: NewColumns) -> float:
+    """Return by how much effects lower the cost of some stretches if they act just as in a fit."""
+    return float(seen.marginal(change).matrix[0, 0])
 
 
 def by_chance(expected: float) -> float:

@@ -22,7 +22,7 @@ from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.rotations import exp
 from softarm.estimator.sensing import SensorSuite
-from softarm.estimator.simulation import Drive, LinearisedArm, RespondingArm, Segments, SimulatedArm
+from softarm.estimator.simulation import Drive, LinearisedArm, Segments, SimulatedArm
 from softarm.estimator.simulation.compliance import stiffness_along
 from softarm.estimator.simulation.inertia import VibratingArm, strain_stiffness
 from softarm.estimator.specimen import Specimen
@@ -61,7 +61,7 @@ class Model:
         """Names of the sections whose frames it gives."""
         return self.model.sections
 
-    def arm(self, setting: Setting) -> RespondingArm:
+    def arm(self, setting: Setting) -> SimulatedArm:
         """Return the calibrated arm: stiffness, compliances and the worth of pressures under stretch."""
         return SimulatedArm(setting.model(self.model), self.segments)
 
@@ -220,7 +220,7 @@ class Stage:
     session: Session
     setting: Setting
     arm: LinearisedArm
-    exact: RespondingArm
+    exact: SimulatedArm
     world: World
     suite: SensorSuite
     drive: Drive
@@ -248,16 +248,6 @@ class Stage:
     def _strain_stiffness(self) -> tuple[Floats, Floats, Flags]:
         """What couples move, the stiffness against them, and the stable samples; see ``strain_stiffness``."""
         return strain_stiffness(self.arm.baseline, self.arm.segments)
-
-    @cached_property
-    def elastic_stiffness(self) -> Floats:
-        """Stiffness of the arm without weight and pressures, shape (4 segments, 4 segments)."""
-        drive = self.drive
-        chambers, sections = drive.pressures.shape[1], drive.wrenches.shape[1]
-        none = np.zeros((1, chambers))
-        rest = Drive.of(np.zeros(1), none, np.zeros(3), sections, self.arm.segments.count)
-        stiffness: Floats = strain_stiffness(self.exact.respond(rest), self.arm.segments)[1][0]
-        return stiffness
 
     @cached_property
     def _strain_jacobian(self) -> Floats:

@@ -155,7 +155,8 @@ def _envelope(stage: Stage, vibrated: Floats) -> Floats:
 
 
 def _dynamics(stage: Stage, masses: Masses) -> StrainDynamics:
-    return StrainDynamics.of(stage.arm.baseline, stage.arm.segments, masses, stage.elastic_stiffness)
+    elastic = stage.exact.stiffness().ravel()
+    return StrainDynamics.of(stage.arm.baseline, stage.arm.segments, masses, elastic)
 
 
 def _vibrating(stage: Stage, dynamics: StrainDynamics, theta: Floats) -> VibratingArm:

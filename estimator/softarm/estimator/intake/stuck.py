@@ -377,11 +377,10 @@ def _drive(recording: Recording, specimen: Specimen, section: str) -> Floats:
     here = next((one.from_m for one in specimen.sections if one.name == section), 0.0)
     above = max((z for z in begins if z < here), default=0.0)
     segments = [one.name for one in specimen.segments if above <= one.from_m < here]
-    own = [one.name in segments for one in specimen.segments]
-    pressures = pressures_of(recording)
-    drive = -pushes_of(pressures, recording.chambers, specimen)[:, own].sum(axis=1)
-    inside = [specimen.chambers[number].segment in segments for number in recording.chambers]
-    whole = pressures[:, inside].sum(axis=1)
+    chambers = [number for number in recording.chambers if specimen.chambers[number].segment in segments]
+    pressures = pressures_of(recording)[:, np.isin(recording.chambers, chambers)]
+    drive = -pushes_of(pressures, chambers, specimen).sum(axis=1)
+    whole = pressures.sum(axis=1)
     balanced = (np.abs(drive) < UNEQUAL * whole) & (whole > ASKED)
     return np.where(balanced[:, None], np.nan, np.column_stack([drive.real, drive.imag]))
 

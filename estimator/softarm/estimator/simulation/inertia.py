@@ -77,7 +77,7 @@ class StrainDynamics:
         rubber: What the segments have of M, of the same shape.
         places: Derivative of the sections' origins by the strains, shape (samples, sections, 3, strains).
         stable: Samples at a stable equilibrium, shape (samples,); the others have typical matrices.
-        elastic: Stiffness of the material: of the arm without weight and pressures, shape (strains, strains).
+        elastic: Stiffness of the material: of the arm without weight and pressures, shape (strains,).
         drag: Damping beside that in proportion to M and K, of the same shape; ``None`` for none.
         damped: K in proportion to which it damps, of the same shape; ``None`` for that of ``stiffness``.
         rocking: Columns of the mass matrix for rotations of the base about x and y, behind those of the
@@ -109,7 +109,7 @@ class StrainDynamics:
             response: Of the arm, with derivatives.
             segments: The segments.
             masses: Masses that vibrate.
-            elastic: Stiffness of the material, shape (strains, strains).
+            elastic: Stiffness of the material, shape (strains,).
         """
         frames = response.frames
         samples, sections = frames.positions.shape[:2]
@@ -157,7 +157,7 @@ class StrainDynamics:
             inertia_time: a [s]: a^2 of the stiffness of their material is added to the masses.
             damping_time: d [s]: d of it is added to the damping.
         """
-        part = self.elastic * np.outer(strains, strains)
+        part = np.diag(self.elastic * strains)
         drag = damping_time * part + (np.zeros_like(self.stiffness) if self.drag is None else self.drag)
         return replace(self, mass=self.mass + inertia_time**2 * part, drag=drag)
 
