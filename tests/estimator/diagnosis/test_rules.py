@@ -968,6 +968,46 @@ def test_halves_of_a_single_nominal_recording_show_what_changes_by_itself():
     assert width(0.0) < MATERIAL < width(0.5)
 
 
+@pytest.mark.parametrize(
+    ("confirmed", "instead", "stands", "dropped"),
+    [
+        (-5.0, 120.0, ["distributed_mass"], ["tip_payload"]),
+        (-5.0, 80.0, [], ["tip_payload", "distributed_mass"]),
+        (-5.0, 0.0, [], ["tip_payload"]),
+        (5.0, 120.0, ["distributed_mass"], ["tip_payload"]),
+        (5.0, 80.0, ["tip_payload"], []),
+        (5.0, 0.0, ["tip_payload"], []),
+    ],
+)
+def test_what_takes_the_place_of_a_choice_that_failed_has_to_explain_more(
+    monkeypatch, confirmed, instead, stands, dropped
+):
+    """If nothing does, the choice stands where confirming data are predicted better with it."""
+
+    def choice(name: str, number: int) -> ChosenEffects:
+        one = candidate(fit_of(name, 0.02), 100.0, number)
+        return ChosenEffects((Accepted(one, judgement(), ()),), one.fit, 0.0, None)
+
+    def names(accepted: Sequence[Accepted]) -> list[str]:
+        return [one.candidate.fit.hypotheses[0].name for one in accepted]
+
+    failing = choice("tip_payload", 0)
+    holding = choice("distributed_mass", 1) if instead else chosen()
+    search = SimpleNamespace(
+        run=lambda without: holding if without else failing,
+        without=lambda choice, lost: chosen() if lost else choice,
+    )
+    gains = {"tip_payload": 100.0, "distributed_mass": instead}
+    monkeypatch.setattr(conclude, "unproven", lambda _, choice, __: [0] if choice is failing else [])
+    monkeypatch.setattr(conclude, "confirming_gain", lambda *_: confirmed)
+    monkeypatch.setattr(
+        conclude, "gain_of_all", lambda _, choice: sum(gains[name] for name in names(choice.accepted))
+    )
+    held, lost = conclude.proven(cast("Any", search))
+    assert names(held.accepted) == stands
+    assert names(lost) == dropped
+
+
 def test_without_confirming_stretches_nothing_is_unproven():
     search = cast("Any", SimpleNamespace(parts=lambda _: [], rng=np.random.default_rng(0)))
     assert unproven(search, chosen(fit_of("tip_payload", 0.02))) == []
