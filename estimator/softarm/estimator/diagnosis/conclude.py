@@ -188,50 +188,38 @@ def proven(search: Search) -> tuple[ChosenEffects, list[Accepted]]:
     The more effects have failed there, the surer the next must be; and one that explains little of what these
     did is a fragment of something else. What holds after a choice has failed as a whole has to explain more
     than that did, searched and confirming data together: what resembles the mismatch less changes less of the
-    confirming data, which then cannot disprove it. If nothing does, the choice that failed stands where
-    confirming data are predicted better with it, though less so than its size says, for a law errs in its
-    form; the law without a name may still outdo it.
+    confirming data, which then cannot disprove it.
 
     Returns:
         The choice, and the effects that were accepted on the way and did not hold.
     """
     dropped: list[Accepted] = []
-    failed: list[ChosenEffects] = []
-    most = 0.0
+    most = failed = 0.0
     while True:
         choice = search.run(frozenset(one.candidate.number for one in dropped))
         gain = choice.fit.gain if choice.fit is not None else 0.0
         most = max(most, gain)
         lost = unproven(search, choice, SURE / (1 + len(dropped)))
-        if lost and len(lost) == len(choice.accepted):
-            failed.append(choice)
-        if gain < FRAGMENT * most:
-            lost = list(range(len(choice.accepted)))
+        every = list(range(len(choice.accepted)))
+        if lost == every:
+            failed = max(failed, gain_of_all(search, choice))
+        elif gain < FRAGMENT * most or (
+            failed and gain_of_all(search, search.without(choice, lost)) < failed
+        ):
+            lost = every
         dropped += [choice.accepted[k] for k in lost]
         if not lost or len(dropped) > MOST_UNPROVEN:
-            break
-    held = search.without(choice, lost) if lost else choice
-    best = max(failed, key=lambda one: gain_of_all(search, one), default=held)
-    if gain_of_all(search, best) <= gain_of_all(search, held):
-        return held, dropped
-    if confirming_gain(search, best) > NOTHING:
-        return best, [one for one in dropped if one not in best.accepted]
-    everything = list(range(len(held.accepted)))
-    return search.without(held, everything), [*dropped, *held.accepted]
+            return search.without(choice, lost) if lost else choice, dropped
 
 
 def gain_of_all(search: Search, choice: ChosenEffects) -> float:
-    """Return what accepted effects gain in searched and confirming data, less the price of their parameters."""
+    """Return what effects gain in searched and confirming data, less the price of their parameters."""
     fit = choice.fit
-    return 0.0 if fit is None else search.worth(fit) + confirming_gain(search, choice)
-
-
-def confirming_gain(search: Search, choice: ChosenEffects) -> float:
-    """Return by how much accepted effects lower the cost of all confirming stretches together."""
-    after = _confirming(search.parts(choice.fit))
-    if not after:
+    if fit is None:
         return 0.0
-    return _gain(search, _confirming(search.parts(None)), after, range(len(after)))
+    before, after = _confirming(search.parts(None)), _confirming(search.parts(fit))
+    confirmed = _gain(search, before, after, range(len(after))) if after else 0.0
+    return search.worth(fit) + confirmed
 
 
 def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[int]:
