@@ -10,7 +10,7 @@ import pytest
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.diagnose import diagnose
-from softarm.estimator.diagnosis.events import EventErrors, law_errors, sizes_of
+from softarm.estimator.diagnosis.events import EventErrors, change_of_sensors, law_errors
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.prepare import averaged, prepare
@@ -87,7 +87,7 @@ def test_what_a_law_gets_wrong_may_point_to_any_side_of_the_sensor_that_it_moves
     assert set(session.suite.units[rows]) == {"rad"}
     change = np.zeros((2, len(session.suite.units)))
     change[1, rows.start : rows.start + 2] = 0.3, -0.4
-    sizes = sizes_of(change, session.suite)
+    sizes = change_of_sensors(change, session.suite)
     assert sizes[1, rows] == pytest.approx(0.5)
     sizes[1, rows] = 0.0
     assert not sizes.any()

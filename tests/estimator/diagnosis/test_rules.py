@@ -314,10 +314,12 @@ def test_effects_detune_an_arm_if_they_change_its_stiffness_or_what_it_stands_on
 def test_sizes_are_tried_within_bounds_and_leave_shapes_alone():
     parameters = EFFECTS["thermal_drift"].parameters
     change, time = (one.typical for one in parameters)
-    tried = [one.tolist() for one in choose.sizes_of(parameters, np.array([0.0, 0.5 * time]))]
+    tried = [one.tolist() for one in choose.at_typical_sizes(parameters, np.array([0.0, 0.5 * time]))]
     assert tried == [[size * change, 0.5 * time] for size in choose.SIZES]
     narrow = replace(parameters[0], lower=-1.5 * change)
-    assert len(choose.sizes_of((narrow, parameters[1]), np.array([0.0, time]))) == len(choose.SIZES) - 1
+    assert (
+        len(choose.at_typical_sizes((narrow, parameters[1]), np.array([0.0, time]))) == len(choose.SIZES) - 1
+    )
 
 
 @pytest.mark.parametrize(

@@ -161,7 +161,7 @@ class Search:
             best = score, theta
             if effect.detunes:
                 price = self.bic_penalty * effect.degrees_of_freedom
-                starts = self.starts.get(number) or sizes_of(effect.parameters, theta)
+                starts = self.starts.get(number) or at_typical_sizes(effect.parameters, theta)
                 gains = [gain_of(problem, (hypothesis,), (start,), exact=False) for start in starts]
                 most = int(np.argmax(gains))
                 self.starts.setdefault(number, [starts[most]])
@@ -640,7 +640,7 @@ class Search:
         return self.natural_frequency.conditioned(fit) if self.natural_frequency is not None else fit
 
 
-def sizes_of(parameters: Sequence[ParameterSpec], theta: Floats) -> list[Floats]:
+def at_typical_sizes(parameters: Sequence[ParameterSpec], theta: Floats) -> list[Floats]:
     """List parameters with amplitudes of some typical sizes, either way, within their bounds."""
     amplitudes = np.array([one.role == "amplitude" for one in parameters])
     typical = np.array([one.typical for one in parameters])

@@ -122,16 +122,16 @@ def law_errors(search: Search, stage: Stage, fit: Fit | None, change: Floats) ->
     Returns:
         In any direction of a sensor, shape (samples, rows).
     """
-    errors = SHARE * sizes_of(change, stage.suite)
+    errors = SHARE * change_of_sensors(change, stage.suite)
     if fit is None:
         return errors
     for factor in (1.0 - SHARE, 1.0 + SHARE):
         other = search.change(stage, fit.with_amplitudes(factor))
-        errors = np.fmax(errors, sizes_of(other - change, stage.suite))
+        errors = np.fmax(errors, change_of_sensors(other - change, stage.suite))
     return errors
 
 
-def sizes_of(change: Floats, suite: SensorSuite) -> Floats:
+def change_of_sensors(change: Floats, suite: SensorSuite) -> Floats:
     """Return in each row how far the angles, or the lengths, of its sensor change, shape (samples, rows).
 
     What a law gets wrong of a change need not point where that does: an arm slips along a wall, and turns
