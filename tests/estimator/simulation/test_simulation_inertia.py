@@ -43,8 +43,26 @@ def test_a_compliant_base_yields_in_series_with_the_arm():
 
 def test_a_segment_that_turns_with_its_base_has_the_inertia_of_a_rod():
     # I = m L^2 / 3 about the end, by integration.
-    rocking = dynamics(Masses(np.zeros(2), np.array([1.0, 0.0]))).rocking[0]
+    rocking = dynamics(Masses(np.zeros(2), np.array([1.0, 0.0]))).rocking.mass[0]
     assert rocking[8:, :] == pytest.approx(0.13**2 / 3 * np.eye(2), rel=0.01)
+
+
+@pytest.mark.parametrize("ratio", [0.8, 1.3])
+def test_an_arm_of_another_density_on_a_compliant_base_has_the_masses_of_one_made_so(ratio):
+    def on_a_base(arm):
+        return arm.on_a_base(1.0, 0.0, np.zeros((1, 8, 2)), np.zeros((1, 2, 2))).mass[0]
+
+    rubber = np.array([0.1, 0.08])
+    made = on_a_base(dynamics(Masses(TIP.sections, ratio * rubber)))
+    changed = on_a_base(dynamics(Masses(TIP.sections, rubber)).heavier(ratio, np.zeros(2)))
+    assert changed == pytest.approx(made, abs=1e-12)
+    assert np.linalg.eigvalsh(changed)[0] > -1e-12
+
+
+def test_a_payload_on_a_compliant_base_turns_with_it():
+    # A point mass has I = m L^2 about the base.
+    base = dynamics(Masses(np.zeros(2), np.zeros(2))).heavier(1.0, np.array([0.0, 0.05])).rocking.mass[0]
+    assert base[8:, :] == pytest.approx(0.05 * HEIGHTS[1] ** 2 * np.eye(2), rel=1e-9)
 
 
 def test_heavier_masses_vibrate_slower():

@@ -68,6 +68,37 @@ class Masses:
 
 
 @dataclass(frozen=True)
+class Rocking:
+    """What rotations of the base about x and y add to the masses: two more coordinates, behind the strains.
+
+    Args:
+        mass: Their columns of M, shape (samples, strains + 2, 2).
+        rubber: What the segments have of them, of the same shape.
+        places: Derivative of the sections' origins by them, shape (samples, sections, 3, 2).
+    """
+
+    mass: Floats
+    rubber: Floats
+    places: Floats
+
+    def times(self, factor: float) -> "Rocking":
+        """Return the columns of an arm with all masses times a factor."""
+        return replace(self, mass=factor * self.mass, rubber=factor * self.rubber)
+
+    def heavier(self, ratio: float, added: Floats, places: Floats) -> "Rocking":
+        """Return the columns of an arm with other masses; see ``StrainDynamics.heavier``.
+
+        Args:
+            ratio: Factor on the segments' masses.
+            added: To the sections [kg], shape (sections,).
+            places: Derivative of the sections' origins by the strains, shape (samples, sections, 3, strains).
+        """
+        whole = _weighed(np.concatenate([places, self.places], axis=-1), added)
+        more = np.swapaxes(whole, 1, 2) @ whole[..., -2:]
+        return replace(self, mass=self.mass + (ratio - 1.0) * self.rubber + more)
+
+
+@dataclass(frozen=True)
 class StrainDynamics:
     """The matrices of the vibration along a response, in the strains of all segments.
 
@@ -80,8 +111,7 @@ class StrainDynamics:
         elastic: Stiffness of the material: of the arm without weight and pressures, shape (strains,).
         drag: Damping beside that in proportion to M and K, of the same shape; ``None`` for none.
         damped: K in proportion to which it damps, of the same shape; ``None`` for that of ``stiffness``.
-        rocking: Columns of the mass matrix for rotations of the base about x and y, behind those of the
-            strains, shape (samples, strains + 2, 2); ``None`` where they are unknown.
+        rocking: What rotations of the base add to M; ``None`` where that is unknown.
     """
 
     stiffness: Floats
@@ -92,7 +122,7 @@ class StrainDynamics:
     elastic: Floats
     drag: Floats | None = None
     damped: Floats | None = None
-    rocking: Floats | None = None
+    rocking: Rocking | None = None
 
     @property
     def damped_stiffness(self) -> Floats:
@@ -115,17 +145,19 @@ class StrainDynamics:
         samples, sections = frames.positions.shape[:2]
         twist_by_couple, stiffness, stable = strain_stiffness(response, segments)
         by_strain = (twist_by_couple @ stiffness).reshape(samples, sections, 6, -1)
-        rubber = replace(masses, sections=np.zeros_like(masses.sections))
-        soft = mass_matrix(frames, segments.neighbours, rubber, by_strain)
-        whole = _mass_on_a_base(frames, segments.neighbours, masses, by_strain)
         size = by_strain.shape[-1]
+        turns = rigid_motion(frames).reshape(samples, sections, 6, 6)[..., 3:5]
+        by_all = np.concatenate([by_strain, turns], axis=-1)
+        rubber = replace(masses, sections=np.zeros_like(masses.sections))
+        whole, soft = (_mass_on_a_base(frames, segments.neighbours, one, by_all) for one in (masses, rubber))
         places = np.ascontiguousarray(by_strain[:, :, :3])
-        mass, rocking = whole[:, :size, :size], whole[:, :, size:]
-        return cls(stiffness, mass, soft, places, stable, elastic, rocking=rocking)
+        rocking = Rocking(whole[..., size:], soft[..., size:], turns[:, :, :3])
+        own = np.s_[:, :size, :size]
+        return cls(stiffness, whole[own], soft[own], places, stable, elastic, rocking=rocking)
 
     def times(self, factor: float) -> "StrainDynamics":
         """Return the matrices of an arm with all masses times a factor."""
-        rocking = None if self.rocking is None else factor * self.rocking
+        rocking = None if self.rocking is None else self.rocking.times(factor)
         return replace(self, mass=factor * self.mass, rubber=factor * self.rubber, rocking=rocking)
 
     def frequencies(self, sample: int = 0) -> Floats:
@@ -142,9 +174,10 @@ class StrainDynamics:
                 made in one piece and weighed.
             added: To the sections [kg], shape (sections,).
         """
-        rows = np.sqrt(np.maximum(added, 0.0))[:, None, None] * self.places
-        rows = rows.reshape(len(self.mass), -1, self.mass.shape[-1])
-        return replace(self, mass=self.mass + (ratio - 1.0) * self.rubber + np.swapaxes(rows, 1, 2) @ rows)
+        rows = _weighed(self.places, added)
+        mass = self.mass + (ratio - 1.0) * self.rubber + np.swapaxes(rows, 1, 2) @ rows
+        rocking = None if self.rocking is None else self.rocking.heavier(ratio, added, self.places)
+        return replace(self, mass=mass, rocking=rocking)
 
     def slower(self, strains: Flags, inertia_time: float, damping_time: float) -> "StrainDynamics":
         """Return the matrices of an arm with more inertia and damping of some strains.
@@ -201,7 +234,7 @@ class StrainDynamics:
         coupling = -self.stiffness @ by_rotation
         base = np.eye(2) / compliance + restoring
         stiffness = _bordered(self.stiffness, coupling, base)
-        mass = _bordered(self.mass, self.rocking[:, :size], self.rocking[:, size:])
+        mass = _bordered(self.mass, self.rocking.mass[:, :size], self.rocking.mass[:, size:])
         apart, none = np.zeros_like(coupling), np.zeros_like(base)
         damped = _bordered(self.damped_stiffness, apart, none)
         own = np.zeros_like(self.stiffness) if self.drag is None else self.drag
@@ -362,19 +395,23 @@ def mass_matrix(frames: Frames, neighbours: Neighbours, masses: Masses, twists: 
 
 
 def _mass_on_a_base(frames: Frames, neighbours: Neighbours, masses: Masses, twists: Floats) -> Floats:
-    """Return the mass matrix with rotations of the base about x and y as two more coordinates."""
+    """Return the mass matrix where the base moves: the last two coordinates rotate all about x and y."""
     samples, sections = frames.positions.shape[:2]
-    size = twists.shape[-1]
     positions = np.concatenate([frames.positions, np.zeros((samples, 1, 3))], axis=1)
     rotations = np.concatenate([frames.rotations, np.broadcast_to(np.eye(3), (samples, 1, 3, 3))], axis=1)
-    based = Frames(positions, rotations)
-    whole = np.zeros((samples, sections + 1, 6, size + 2))
-    whole[:, :sections, :, :size] = twists
-    whole[..., size:] = rigid_motion(based).reshape(samples, sections + 1, 6, 6)[..., 3:5]
+    whole = np.zeros((samples, sections + 1, *twists.shape[2:]))
+    whole[:, :sections] = twists
+    whole[:, sections, 3:5, -2:] = np.eye(2)
     above, below = np.array(neighbours).reshape(-1, 2).T
     held = tuple(zip(np.where(above < 0, sections, above).tolist(), below.tolist(), strict=True))
     heavy = replace(masses, sections=np.append(masses.sections, 0.0))
-    return mass_matrix(based, held, heavy, whole)
+    return mass_matrix(Frames(positions, rotations), held, heavy, whole)
+
+
+def _weighed(places: Floats, masses: Floats) -> Floats:
+    """Return the motion of point masses, each times its root, shape (samples, 3 masses, coordinates)."""
+    rows: Floats = np.sqrt(np.maximum(masses, 0.0))[:, None, None] * places
+    return rows.reshape(len(places), -1, places.shape[-1])
 
 
 def _bordered(matrix: Floats, sides: Floats, corner: Floats) -> Floats:
