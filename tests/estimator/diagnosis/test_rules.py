@@ -298,7 +298,7 @@ def test_an_effect_on_the_stiffness_begins_at_the_size_that_explains_most(librar
     assert [score for _, score, _ in again] == [194.0, 120.0]  # beside others it begins where it began before
 
 
-def test_effects_detune_an_arm_if_they_change_its_stiffness_or_what_it_stands_on():
+def test_effects_detune_an_arm_if_they_change_its_stiffness_its_damping_or_what_it_stands_on():
     detuning = {name for name, effect in EFFECTS.items() if effect.detunes}
     laws = {
         "material_softening",
@@ -308,7 +308,7 @@ def test_effects_detune_an_arm_if_they_change_its_stiffness_or_what_it_stands_on
         "hysteresis",
     }
     stiffness = {"segment_stiffness", "thermal_drift", "local_stiffness_defect", "base_compliance"}
-    assert detuning == laws | stiffness
+    assert detuning == laws | stiffness | {"inertia_damping"}
 
 
 def test_sizes_are_tried_within_bounds_and_leave_shapes_alone():

@@ -152,8 +152,9 @@ class Search:
         """Rank effects that detune the arm by what they explain at some size, and begin their fits there.
 
         A stiffer arm vibrates faster, and one on a compliant base slower. What that changes is soon out of
-        step, so that a slope at zero hardly predicts a large change, even what it does at rest. The size that
-        explained most at first is the only one that is tried beside accepted effects.
+        step, so that a slope at zero hardly predicts a large change, even what it does at rest. A little more
+        damping shortens a vibration; much of it lets the arm creep to its pose. The size that explained most
+        at first is the only one that is tried beside accepted effects.
         """
         placed = []
         for number, score, theta in ranked:

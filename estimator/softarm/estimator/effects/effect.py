@@ -273,8 +273,8 @@ class Effect:
 
     @property
     def detunes(self) -> bool:
-        """Whether it changes how stiff the vibrating arm, or what it stands on, is."""
-        material = self.hook == "constitutive" and not (self.driven or self.only_vibrates)
+        """Whether it changes how the arm, or what it stands on, vibrates: its stiffness or its damping."""
+        material = self.hook == "constitutive" and not self.driven
         return material or self.modal(self.typical).base_compliance > 0.0
 
     @property
