@@ -223,7 +223,10 @@ def gain_of_all(search: Search, choice: ChosenEffects) -> float:
 
 
 def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[int]:
-    """List accepted effects without which confirming data are predicted as well; all, where none is as good.
+    """List accepted effects without which confirming data are predicted as well.
+
+    Where these are predicted as well without any of several effects, it is the weakest: the others are judged
+    once they are chosen and fitted without it, for its size took from theirs.
 
     Judged like folds in ``Search.judge``: the prior of the calibration is that from before these recordings.
     What would hardly show in these data, as a wall that is not reached there, is not judged by them; nor is
@@ -261,7 +264,7 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
 
     every = list(range(len(choice.accepted)))
     if len(every) > 1 and disproved(None):
-        return every
+        return [min(every, key=lambda k: search.contribution(fit, k))]
     rests = [search.subset(fit, [j for j in every if j != k]) for k in every]
     return [k for k in every if disproved(rests[k])]
 
