@@ -43,7 +43,7 @@ def test_a_compliant_base_yields_in_series_with_the_arm():
 
 def test_a_segment_that_turns_with_its_base_has_the_inertia_of_a_rod():
     # I = m L^2 / 3 about the end, by integration.
-    rocking = dynamics(Masses(np.zeros(2), np.array([1.0, 0.0]))).rocking.mass[0]
+    rocking = dynamics(Masses(np.zeros(2), np.array([1.0, 0.0]))).inertia[0, :, 8:]
     assert rocking[8:, :] == pytest.approx(0.13**2 / 3 * np.eye(2), rel=0.01)
 
 
@@ -61,7 +61,7 @@ def test_an_arm_of_another_density_on_a_compliant_base_has_the_masses_of_one_mad
 
 def test_a_payload_on_a_compliant_base_turns_with_it():
     # A point mass has I = m L^2 about the base.
-    base = dynamics(Masses(np.zeros(2), np.zeros(2))).heavier(1.0, np.array([0.0, 0.05])).rocking.mass[0]
+    base = dynamics(Masses(np.zeros(2), np.zeros(2))).heavier(1.0, np.array([0.0, 0.05])).inertia[0, :, 8:]
     assert base[8:, :] == pytest.approx(0.05 * HEIGHTS[1] ** 2 * np.eye(2), rel=1e-9)
 
 

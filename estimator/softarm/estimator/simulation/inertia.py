@@ -68,61 +68,36 @@ class Masses:
 
 
 @dataclass(frozen=True)
-class Rocking:
-    """What rotations of the base about x and y add to the masses: two more coordinates, behind the strains.
-
-    Args:
-        mass: Their columns of M, shape (samples, strains + 2, 2).
-        rubber: What the segments have of them, of the same shape.
-        places: Derivative of the sections' origins by them, shape (samples, sections, 3, 2).
-    """
-
-    mass: Floats
-    rubber: Floats
-    places: Floats
-
-    def times(self, factor: float) -> "Rocking":
-        """Return the columns of an arm with all masses times a factor."""
-        return replace(self, mass=factor * self.mass, rubber=factor * self.rubber)
-
-    def heavier(self, ratio: float, added: Floats, places: Floats) -> "Rocking":
-        """Return the columns of an arm with other masses; see ``StrainDynamics.heavier``.
-
-        Args:
-            ratio: Factor on the segments' masses.
-            added: To the sections [kg], shape (sections,).
-            places: Derivative of the sections' origins by the strains, shape (samples, sections, 3, strains).
-        """
-        whole = _weighed(np.concatenate([places, self.places], axis=-1), added)
-        more = np.swapaxes(whole, 1, 2) @ whole[..., -2:]
-        return replace(self, mass=self.mass + (ratio - 1.0) * self.rubber + more)
-
-
-@dataclass(frozen=True)
 class StrainDynamics:
     """The matrices of the vibration along a response, in the strains of all segments.
 
     Args:
         stiffness: K, shape (samples, strains, strains).
-        mass: M, of the same shape.
-        rubber: What the segments have of M, of the same shape.
-        places: Derivative of the sections' origins by the strains, shape (samples, sections, 3, strains).
+        inertia: Mass matrix in the strains and, where it is known, in rotations of the base about x and y
+            behind them, shape (samples, coordinates, coordinates).
+        rubber: What the segments have of it, of the same shape.
+        places: Derivative of the sections' origins by these coordinates, shape (samples, sections, 3,
+            coordinates).
         stable: Samples at a stable equilibrium, shape (samples,); the others have typical matrices.
         elastic: Stiffness of the material: of the arm without weight and pressures, shape (strains,).
-        drag: Damping beside that in proportion to M and K, of the same shape; ``None`` for none.
-        damped: K in proportion to which it damps, of the same shape; ``None`` for that of ``stiffness``.
-        rocking: What rotations of the base add to M; ``None`` where that is unknown.
+        drag: Damping beside that in proportion to M and K, of the shape of ``stiffness``; ``None`` for none.
+        damped: K in proportion to which it damps, of that shape; ``None`` for ``stiffness`` itself.
     """
 
     stiffness: Floats
-    mass: Floats
+    inertia: Floats
     rubber: Floats
     places: Floats
     stable: Flags
     elastic: Floats
     drag: Floats | None = None
     damped: Floats | None = None
-    rocking: Rocking | None = None
+
+    @property
+    def mass(self) -> Floats:
+        """M, in the coordinates of ``stiffness`` and of its shape."""
+        size = self.stiffness.shape[-1]
+        return self.inertia[:, :size, :size]
 
     @property
     def damped_stiffness(self) -> Floats:
@@ -145,20 +120,15 @@ class StrainDynamics:
         samples, sections = frames.positions.shape[:2]
         twist_by_couple, stiffness, stable = strain_stiffness(response, segments)
         by_strain = (twist_by_couple @ stiffness).reshape(samples, sections, 6, -1)
-        size = by_strain.shape[-1]
         turns = rigid_motion(frames).reshape(samples, sections, 6, 6)[..., 3:5]
-        by_all = np.concatenate([by_strain, turns], axis=-1)
+        twists = np.concatenate([by_strain, turns], axis=-1)
         rubber = replace(masses, sections=np.zeros_like(masses.sections))
-        whole, soft = (_mass_on_a_base(frames, segments.neighbours, one, by_all) for one in (masses, rubber))
-        places = np.ascontiguousarray(by_strain[:, :, :3])
-        rocking = Rocking(whole[..., size:], soft[..., size:], turns[:, :, :3])
-        own = np.s_[:, :size, :size]
-        return cls(stiffness, whole[own], soft[own], places, stable, elastic, rocking=rocking)
+        whole, soft = (_mass_on_a_base(frames, segments.neighbours, one, twists) for one in (masses, rubber))
+        return cls(stiffness, whole, soft, np.ascontiguousarray(twists[:, :, :3]), stable, elastic)
 
     def times(self, factor: float) -> "StrainDynamics":
         """Return the matrices of an arm with all masses times a factor."""
-        rocking = None if self.rocking is None else self.rocking.times(factor)
-        return replace(self, mass=factor * self.mass, rubber=factor * self.rubber, rocking=rocking)
+        return replace(self, inertia=factor * self.inertia, rubber=factor * self.rubber)
 
     def frequencies(self, sample: int = 0) -> Floats:
         """Return the natural frequencies about the pose of one sample [Hz], rising."""
@@ -174,10 +144,10 @@ class StrainDynamics:
                 made in one piece and weighed.
             added: To the sections [kg], shape (sections,).
         """
-        rows = _weighed(self.places, added)
-        mass = self.mass + (ratio - 1.0) * self.rubber + np.swapaxes(rows, 1, 2) @ rows
-        rocking = None if self.rocking is None else self.rocking.heavier(ratio, added, self.places)
-        return replace(self, mass=mass, rocking=rocking)
+        rows = np.sqrt(np.maximum(added, 0.0))[:, None, None] * self.places
+        rows = rows.reshape(len(rows), -1, rows.shape[-1])
+        more = (ratio - 1.0) * self.rubber + np.swapaxes(rows, 1, 2) @ rows
+        return replace(self, inertia=self.inertia + more)
 
     def slower(self, strains: Flags, inertia_time: float, damping_time: float) -> "StrainDynamics":
         """Return the matrices of an arm with more inertia and damping of some strains.
@@ -192,7 +162,9 @@ class StrainDynamics:
         """
         part = np.diag(self.elastic * strains)
         drag = damping_time * part + (np.zeros_like(self.stiffness) if self.drag is None else self.drag)
-        return replace(self, mass=self.mass + inertia_time**2 * part, drag=drag)
+        size, inertia = len(part), self.inertia.copy()
+        inertia[:, :size, :size] += inertia_time**2 * part
+        return replace(self, inertia=inertia, drag=drag)
 
     def stiffer(self, strains: Flags, factor: Floats) -> "StrainDynamics":
         """Return the matrices of an arm of another stiffness of some strains.
@@ -229,17 +201,15 @@ class StrainDynamics:
             by_rotation: G, shape (samples, strains, 2).
             restoring: k [N m/rad], shape (samples, 2, 2).
         """
-        assert self.rocking is not None
-        size = self.mass.shape[-1]
+        assert self.inertia.shape[-1] == self.stiffness.shape[-1] + 2
         coupling = -self.stiffness @ by_rotation
         base = np.eye(2) / compliance + restoring
         stiffness = _bordered(self.stiffness, coupling, base)
-        mass = _bordered(self.mass, self.rocking.mass[:, :size], self.rocking.mass[:, size:])
         apart, none = np.zeros_like(coupling), np.zeros_like(base)
         damped = _bordered(self.damped_stiffness, apart, none)
         own = np.zeros_like(self.stiffness) if self.drag is None else self.drag
         drag = _bordered(own, apart, none + damping_time / compliance * np.eye(2))
-        return replace(self, stiffness=stiffness, mass=mass, drag=drag, damped=damped, rocking=None)
+        return replace(self, stiffness=stiffness, drag=drag, damped=damped)
 
     def strains(self, clock: Floats, still: Floats, damping: tuple[float, float]) -> Floats:
         """Let the arm vibrate about quasi-static strains.
@@ -406,12 +376,6 @@ def _mass_on_a_base(frames: Frames, neighbours: Neighbours, masses: Masses, twis
     held = tuple(zip(np.where(above < 0, sections, above).tolist(), below.tolist(), strict=True))
     heavy = replace(masses, sections=np.append(masses.sections, 0.0))
     return mass_matrix(Frames(positions, rotations), held, heavy, whole)
-
-
-def _weighed(places: Floats, masses: Floats) -> Floats:
-    """Return the motion of point masses, each times its root, shape (samples, 3 masses, coordinates)."""
-    rows: Floats = np.sqrt(np.maximum(masses, 0.0))[:, None, None] * places
-    return rows.reshape(len(places), -1, places.shape[-1])
 
 
 def _bordered(matrix: Floats, sides: Floats, corner: Floats) -> Floats:
