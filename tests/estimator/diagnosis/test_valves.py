@@ -259,15 +259,21 @@ def test_an_offset_of_the_sensor_shows_where_it_cancels_a_dead_band() -> None:
     assert bias.parameters["bias"].value == pytest.approx(2400.0, abs=60.0)
 
 
-def test_a_valve_that_passes_less_than_nominal_may_have_a_dead_band() -> None:
+def test_a_valve_that_passes_less_than_nominal_has_a_dead_band_rather_than_a_bias() -> None:
+    """A dead band only lowers a pressure, a bias that comes up lowers or raises it."""
     known = splits_of([_recording("known", law=(-800.0, 0.0, 0.0, np.inf))])
     asked = np.where(TIME % 20.0 > 10.0, 30e3, 0.0)
     given = settled(asked, -2000.0, 0.0, 0.0, np.inf) + np.random.default_rng(4).normal(0.0, 30.0, len(TIME))
-    low = Recording("low", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
-    (finding,) = valve_findings(splits_of([low]), known)
-    assert (finding.effect, finding.when) == ("pressure_bias", "pressure level")
-    assert [rival.effect for rival in finding.confusable_with] == ["valve_deadband"]
-    assert finding.probability == pytest.approx(0.5, abs=0.005)
+    low = splits_of([Recording("low", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})])
+    (finding,) = valve_findings(low, known)
+    assert (finding.effect, finding.when) == ("valve_deadband", "pressure level")
+    assert finding.parameters["band"].value == pytest.approx(1200.0, abs=100.0)
+    assert [rival.effect for rival in finding.confusable_with] == ["pressure_bias"]
+    assert finding.probability == pytest.approx(2.0 / 3.0, abs=0.005)
+    (alone,) = valve_findings(low, [])
+    assert alone.effect == "pressure_bias"
+    assert [rival.effect for rival in alone.confusable_with] == ["valve_deadband"]
+    assert alone.probability == pytest.approx(0.5, abs=0.005)
 
 
 PLAIN, BIASED = (0.0, 0.0, 0.0, np.inf), (900.0, 0.0, 0.0, np.inf)

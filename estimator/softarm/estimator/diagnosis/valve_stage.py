@@ -42,6 +42,12 @@ RESOLUTION = 30.0
 """Noise below which no pressure is believed [Pa]."""
 LEAST_BIC = 10.0
 """Evidence on held-out samples from which a valve is blamed."""
+DEADBAND = 2.0 / 3.0
+"""Probability of a dead band where a pressure has become too low in a way that a bias explains as well.
+
+A dead band can only lower a pressure; of biases that come up, half do. Without nominal recordings both are as
+likely: valves that are as they should be regulate low by themselves, by 0.45 to 0.85 kPa on SoPrA.
+"""
 SCATTER, BETWEEN_HOLDS, WORTH = 200.0, 100.0, 3
 """Scatter of a steady error between recordings, between holds [Pa]; how many of either this is worth."""
 
@@ -256,13 +262,25 @@ def _steady(
         size if abs(size) > LEAST_BIAS and surely(size) >= NAMED else 0.0
         for size in (vented, change - vented)
     )
-    findings = []
     band = max((split.valve.law.deadband for split in references), default=0.0) + LEAST_BAND
-    if opened < 0.0 and any(split.valve.law.deadband > band for split in splits):
-        words = f"The first {-1e-3 * opened:.2f} kPa of the set-point of chamber {chamber} have no effect."
-        quantity = {"band": Quantity(-opened, spread, "Pa")}
+    seen = any(split.valve.law.deadband > band for split in splits)
+    findings = []
+    if opened < 0.0 and (seen or (references and not offset)):
+        lower = -1e-3 * opened
+        words = f"The first {lower:.2f} kPa of the set-point of chamber {chamber} have no effect."
+        if not seen:
+            words = f"The pressure in chamber {chamber} stays another {lower:.2f} kPa below its set-point."
         findings.append(
-            _finding("valve_deadband", chamber, words, quantity, surely(opened), evidence, "pressure level")
+            _finding(
+                "valve_deadband",
+                chamber,
+                words,
+                {"band": Quantity(-opened, spread, "Pa")},
+                surely(opened) * (1.0 if seen else DEADBAND),
+                evidence,
+                "pressure level",
+                () if seen else (_alike("pressure_bias", chamber, np.log(DEADBAND / (1.0 - DEADBAND))),),
+            )
         )
         opened = 0.0
     if not offset and not opened:
@@ -272,9 +290,7 @@ def _steady(
     words += " while its valve is open." if opened else ", open or vented."
     if offset and opened:
         words += f" Vented, its sensor reads {1e-3 * offset:+.2f} kPa."
-    # Too low while open and right when vented is max(set-point - b, 0), the law of a dead band as well.
-    deadband = Rival("valve_deadband", Place(chamber=chamber), "a staircase of small pressures", 0.0)
-    rivals = (deadband,) if opened < 0.0 else ()
+    rivals = (_alike("valve_deadband", chamber, 0.0),) if opened < 0.0 else ()
     findings.append(
         _finding(
             "pressure_bias",
@@ -288,6 +304,14 @@ def _steady(
         )
     )
     return findings
+
+
+def _alike(effect: EffectName, chamber: int, log_bayes_factor: float) -> Rival:
+    """Return an effect that a pressure too low while open, and right when vented, may be as well.
+
+    Max(set-point - b, 0) is the law of a dead band and that of a negative bias.
+    """
+    return Rival(effect, Place(chamber=chamber), "a staircase of small pressures", float(log_bayes_factor))
 
 
 def _vented(splits: Sequence[Split]) -> float:
