@@ -1,5 +1,6 @@
 """Scores diagnoses against the concealed effects. Only this module opens the answers."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -9,13 +10,39 @@ from softarm.bench.trials.outcome import TrialOutcome
 
 PLACES = ("segment", "chamber", "section", "sensor")
 DEVIATIONS = 2.0
-SAME_SIZE = {
-    ("chamber_gain", "change"): "gain",
-    ("line_lag", "time"): "lag",
-    ("sensor_scale", "change"): "scale",
-    ("valve_deadband", "width"): "band",
+
+
+@dataclass(frozen=True)
+class Counterpart:
+    """What the size in an answer is called in a report.
+
+    Args:
+        parameters: Of the estimator; of several, the components of a vector, the size is the length.
+        offset: What the answer's has more than the estimator's.
+    """
+
+    parameters: tuple[str, ...]
+    offset: float = 0.0
+
+
+COUNTERPARTS = {
+    ("base_tilt", "angle"): Counterpart(("tilt_x", "tilt_y")),
+    ("base_tilt", "tilt"): Counterpart(("tilt_x", "tilt_y")),
+    ("chamber_gain", "change"): Counterpart(("gain",)),
+    ("distributed_mass", "share"): Counterpart(("change",)),
+    ("external_force", "force"): Counterpart(("force_x", "force_y", "force_z")),
+    ("frame_misalignment", "angle"): Counterpart(("yaw",)),
+    ("line_lag", "time"): Counterpart(("lag",)),
+    ("pressure_saturation", "limit"): Counterpart(("ceiling",)),
+    ("segment_stiffness", "factor"): Counterpart(("change",), 1.0),
+    ("sensor_bias", "angle"): Counterpart(("bias_x", "bias_y")),
+    ("sensor_bias", "bias"): Counterpart(("bias_x", "bias_y")),
+    ("sensor_drift", "rate"): Counterpart(("rate_x", "rate_y")),
+    ("sensor_scale", "change"): Counterpart(("scale",)),
+    ("thermal_drift", "share"): Counterpart(("change",)),
+    ("valve_deadband", "width"): Counterpart(("band",)),
 }
-"""Parameters that an answer may call otherwise than the estimator does."""
+"""Sizes that an answer may call otherwise than the estimator does."""
 
 
 @dataclass(frozen=True)
@@ -174,22 +201,34 @@ def _placed(wanted: Mapping[str, Any], stated: Mapping[str, Any]) -> bool:
     return all(str(wanted[kind]) == str(stated.get(kind)) for kind in PLACES if wanted.get(kind) is not None)
 
 
+def _counterpart(effect: str, name: str) -> Counterpart:
+    """Return what the size in an answer is called in a report."""
+    return COUNTERPARTS.get((effect, name), Counterpart((name,)))
+
+
 def _size(one: Concealment, finding: Mapping[str, Any]) -> SizeHit | None:
-    """Compare the first parameter that both define."""
+    """Compare the first size that both define."""
     for name, value in one.size.items():
-        stated = finding["parameters"].get(name) or finding["parameters"].get(
-            SAME_SIZE.get((one.effect, name), "")
-        )
-        if stated and value:
-            return SizeHit(name, abs(value), abs(float(stated["value"])), float(stated["std"]))
+        counterpart = _counterpart(one.effect, name)
+        if not value or not all(own in finding["parameters"] for own in counterpart.parameters):
+            continue
+        stated = [finding["parameters"][own] for own in counterpart.parameters]
+        length = math.hypot(*(float(own["value"]) for own in stated))
+        # Of a length only the deviation along the vector counts.
+        along = math.hypot(*(float(own["value"]) * float(own["std"]) for own in stated)) / max(length, 1e-300)
+        return SizeHit(name, abs(value - counterpart.offset), length, along)
     return None
 
 
 def _over_limit(one: Concealment, limits: Sequence[Mapping[str, Any]]) -> float | None:
     """Compare the concealed size with the limit of the same parameter at the same place."""
-    names = {SAME_SIZE.get((one.effect, name), name): value for name, value in one.size.items()}
+    sizes = {}
+    for name, value in one.size.items():
+        counterpart = _counterpart(one.effect, name)
+        if len(counterpart.parameters) == 1:
+            sizes[counterpart.parameters[0]] = value - counterpart.offset
     for limit in limits:
         there = all(one.where.get(kind) == limit["where"].get(kind) for kind in PLACES)
-        if limit["effect"] == one.effect and there and limit["parameter"] in names:
-            return abs(names[limit["parameter"]]) / float(limit["size"])
+        if limit["effect"] == one.effect and there and limit["parameter"] in sizes:
+            return abs(sizes[limit["parameter"]]) / float(limit["size"])
     return None
