@@ -8,7 +8,7 @@ import pytest
 
 from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem, RecordingResidual, gain_of
 from softarm.estimator.diagnosis.gaussian import Gaussian
-from softarm.estimator.diagnosis.law_error import SHARE, gain_beside_law_errors
+from softarm.estimator.diagnosis.law_error import SHARE, gain_beside_law_errors, pull_of_law_errors
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.effects import EFFECTS
@@ -63,3 +63,24 @@ def test_beside_no_other_effect_the_gain_is_that_of_the_fit() -> None:
     alone = fit.selected([0])
     plain = gain_of(problem, alone.hypotheses, alone.thetas)
     assert gain_beside_law_errors(problem, alone, 0) == pytest.approx(plain)
+
+
+def test_a_size_scatters_as_the_error_of_its_law_makes_it() -> None:
+    """The law is wrong by another share in each channel of each recording."""
+    problem, fit = problem_of(of_its_own=True)
+    alone = fit.selected([0])
+    changes = [recorded.stage.change([SimpleNamespace(effect=STRONG.effect, theta=np.ones(1))])
+               for recorded in problem.residuals]  # fmt: skip
+    slopes = [change.reshape(-1, 1) for change in changes]
+    information = sum(float((slope**2).sum()) for slope in slopes)
+    (variance,) = pull_of_law_errors(problem, alone, slopes)[0] / information**2
+    rng = np.random.default_rng(8)
+    sizes = []
+    for _ in range(2000):
+        wrong = [change * (1.0 + rng.normal(0.0, SHARE, ROWS)) for change in changes]
+        pull = sum(float((own * change).sum()) for own, change in zip(wrong, changes, strict=True))
+        sizes.append(pull / information)
+    assert np.sqrt(variance) == pytest.approx(np.std(sizes), rel=0.06)
+    sensor = Hypothesis(EFFECTS["sensor_scale"], Place(sensor="tip_frame"))
+    exact = Fit((sensor,), (np.ones(1),), np.eye(1), 0.0)
+    assert not pull_of_law_errors(problem, exact, slopes).any()

@@ -23,6 +23,7 @@ from tests.estimator.simulation.straight_arm import world
 SAMPLES, NOISE = 400, 1e-3
 RUNS = 6
 MASS = 0.03
+NO_ERROR = np.zeros((1, 1))
 
 
 def part(x: np.ndarray, left: np.ndarray, common: np.ndarray) -> Part:
@@ -33,7 +34,7 @@ def test_independent_errors_give_the_variance_of_least_squares():
     rng = np.random.default_rng(0)
     x = rng.normal(size=(RUNS, SAMPLES, 2))
     parts = [part(own, rng.normal(size=SAMPLES), np.zeros((SAMPLES, 1))) for own in x]
-    found = robust_covariance(parts, np.zeros(2), np.zeros((1, 1)), 1.0)
+    found = robust_covariance(parts, np.zeros(2), np.zeros((1, 1)), np.zeros((2, 2)), 1.0)
     whole = np.linalg.inv(np.einsum("rsi,rsj->ij", x, x))
     assert np.diag(found) / np.diag(whole) == pytest.approx(
         [2.0, 2.0], rel=0.6
@@ -43,9 +44,11 @@ def test_independent_errors_give_the_variance_of_least_squares():
 def test_fewer_independent_samples_and_uncertain_common_coefficients_widen_it():
     x, nothing = np.ones((SAMPLES, 1)), np.zeros(SAMPLES)
     parts = [part(x, nothing, x)] * RUNS
-    plain = robust_covariance(parts, np.zeros(1), np.zeros((1, 1)), 1.0)[0, 0]
-    assert robust_covariance(parts, np.zeros(1), np.zeros((1, 1)), 0.1)[0, 0] == pytest.approx(10.0 * plain)
-    common = robust_covariance(parts, np.zeros(1), np.full((1, 1), 0.2), 1.0)[0, 0]
+    plain = robust_covariance(parts, np.zeros(1), np.zeros((1, 1)), NO_ERROR, 1.0)[0, 0]
+    assert robust_covariance(parts, np.zeros(1), np.zeros((1, 1)), NO_ERROR, 0.1)[0, 0] == pytest.approx(
+        10.0 * plain
+    )
+    common = robust_covariance(parts, np.zeros(1), np.full((1, 1), 0.2), NO_ERROR, 1.0)[0, 0]
     assert common == pytest.approx(plain + 0.2)
 
 
@@ -55,7 +58,7 @@ def test_an_error_that_lasts_for_a_recording_counts():
     x = np.ones((SAMPLES, 1))
     own = rng.normal(0.0, 0.5, 40)
     parts = [part(x, np.full(SAMPLES, size - own.mean()), 0.0 * x) for size in own]
-    found = robust_covariance(parts, np.zeros(1), np.zeros((1, 1)), 1.0)[0, 0]
+    found = robust_covariance(parts, np.zeros(1), np.zeros((1, 1)), NO_ERROR, 1.0)[0, 0]
     assert np.sqrt(found) == pytest.approx(own.std(ddof=1) / np.sqrt(40), rel=0.1)
 
 

@@ -1,9 +1,10 @@
-"""What an effect explains that the errors of other effects' laws do not.
+"""What the errors of effects' laws do to other effects, and to sizes.
 
 No law is exact: of what an effect changes it gets a share wrong, which differs between recordings and
 channels. What one law leaves of a strong effect looks like a second effect. So beside an effect that changes
 the prediction by f, each recording and channel may have any multiple d f of that, with d normal about 0 with
-standard deviation ``SHARE``: columns as those of the common coefficients, and marginalised with them.
+standard deviation ``SHARE``: columns as those of the common coefficients, and marginalised with them. A size
+is less certain by the error of its own law.
 """
 
 from collections.abc import Sequence
@@ -49,6 +50,34 @@ def gain_beside_law_errors(problem: MarginalisedProblem, fit: Fit, number: int) 
     absorbed = np.linalg.solve(known, np.column_stack([matrix[1:, 0], left[1:]]))
     size, pull = matrix[0, 0] - matrix[0, 1:] @ absorbed[:, 0], left[0] - matrix[0, 1:] @ absorbed[:, 1]
     return float(2.0 * pull - size)
+
+
+def pull_of_law_errors(problem: MarginalisedProblem, fit: Fit, slopes: Sequence[Floats]) -> Floats:
+    """Compute the covariance of the gradient of least squares that comes from the errors of laws.
+
+    It is the sum of X'd d'X, d what an effect changes in one channel of one recording, times ``SHARE``. How a
+    sensor is mounted, scaled or late is kinematics, which is exact.
+
+    Args:
+        problem: What the effects were fitted to.
+        fit: The effects.
+        slopes: X, the changes by each parameter, of each recording, shape (samples * channels, parameters).
+
+    Returns:
+        Shape (parameters, parameters).
+    """
+    count = slopes[0].shape[1]
+    covariance = np.zeros((count, count))
+    for number, hypothesis in enumerate(fit.hypotheses):
+        if hypothesis.effect.hook == "sensing":
+            continue
+        changes = _changes(problem, fit, [number])
+        for recorded, slope, change in zip(problem.residuals, slopes, changes, strict=True):
+            channels = recorded.left.shape[1]
+            by_channel = change[:, 0].reshape(-1, channels)
+            pull = np.einsum("tcp,tc->cp", slope.reshape(-1, channels, count), by_channel)
+            covariance += SHARE**2 * pull.T @ pull
+    return covariance
 
 
 def _changes(problem: MarginalisedProblem, fit: Fit, chosen: Sequence[int]) -> list[Floats]:

@@ -18,11 +18,12 @@ Their covariance is that of this estimator and not that of its weights (Huber 19
 (1980) 817): with X the changes by each parameter, C the common columns and P the covariance of their
 coefficients,
 
-    H^-1 (X'X / fraction + X'C P C'X) H^-1,    H = X'X,
+    H^-1 (X'X / fraction + X'C P C'X + sum X'd d'X) H^-1,    H = X'X,
 
-and, for a discrepancy that lasts for a recording, that of the estimates without one recording each
-(jackknife: Miller, Biometrika 61 (1974) 1). How hard a wall is shows in how far it yields, a small part of
-what the arm would otherwise go into it, and so does what the law of the contact leaves out, as its friction:
+where d is what the law of an effect may get wrong of its changes in one channel of one recording
+(``law_error.py``); and, for a discrepancy that lasts for a recording, that of the estimates without one
+recording each (jackknife: Miller, Biometrika 61 (1974) 1). How hard a wall is shows in how far it yields, a
+small part of what the arm would otherwise go into it, and so does what the law of the contact leaves out:
 the deviations of walls and cords grow with the variance of what is left (Birge, Phys. Rev. 40 (1932) 207).
 The inverse of the covariance is the precision that the recordings give, to which the prior's is added
 (Godambe, Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than its prior.
@@ -48,7 +49,7 @@ from softarm.estimator.diagnosis.fit import (
 )
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.judge import MATERIAL
-from softarm.estimator.diagnosis.law_error import gain_beside_law_errors
+from softarm.estimator.diagnosis.law_error import gain_beside_law_errors, pull_of_law_errors
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.effects import ParameterSpec
@@ -125,7 +126,8 @@ def sized(search: Search, fit: Fit) -> Fit:
     ]
     prior = 1.0 / parametrisation.spreads**2
     fraction = search.weights.effective_sample_fraction
-    spread = robust_covariance(parts, UNBIASED * prior / fraction, search.prior.covariance, fraction)
+    pull = pull_of_law_errors(problem, found, slopes)
+    spread = robust_covariance(parts, UNBIASED * prior / fraction, search.prior.covariance, pull, fraction)
     wider = contact_deviations(found, _left_variance(residuals, left))
     spread *= np.outer(wider, wider)
     covariance = np.linalg.inv(np.linalg.inv(spread) + np.diag(prior))
@@ -306,19 +308,23 @@ def _parts(
     return found
 
 
-def robust_covariance(parts: Sequence[Part], prior: Floats, common: Floats, fraction: float) -> Floats:
+def robust_covariance(
+    parts: Sequence[Part], prior: Floats, common: Floats, law_errors: Floats, fraction: float
+) -> Floats:
     """Compute the covariance of least squares under errors that its weights do not know of.
 
     Args:
         parts: What each recording contributes, at the estimate.
         prior: Prior precision of each parameter, over the fraction, shape (parameters,).
         common: Covariance of the common coefficients, shape (columns, columns).
+        law_errors: Covariance of the gradient by the errors of laws, shape (parameters, parameters).
         fraction: Effective sample fraction: independent samples over samples.
     """
     whole = sum((part.matrix for part in parts), np.zeros((len(prior), len(prior))))
     cross = sum((part.cross for part in parts), np.zeros((len(prior), len(common))))
     inverse = np.linalg.inv(whole + np.diag(prior))
-    sandwich = inverse @ (whole / fraction + np.diag(prior) / fraction + cross @ common @ cross.T) @ inverse
+    independent = (whole + np.diag(prior)) / fraction
+    sandwich = inverse @ (independent + cross @ common @ cross.T + law_errors) @ inverse
     pull = sum((part.vector for part in parts), np.zeros(len(prior)))
     moved = []
     for part in parts:
