@@ -641,7 +641,7 @@ def decide_on(monkeypatch, choice, one_of=(), **made):
     }
     for name, value in (usual | made).items():
         monkeypatch.setattr(diagnose, name, lambda *_, value=value: value)
-    monkeypatch.setattr(diagnose, "without_improbable", lambda _, choice, sizes: (choice, sizes, []))
+    monkeypatch.setattr(diagnose, "without_improbable", lambda _, choice, sizes, __: (choice, sizes, []))
     monkeypatch.setattr(diagnose, "undecided", lambda *_: one_of)
     return diagnose.decide(cast("Any", None))
 
@@ -1034,26 +1034,28 @@ def test_names_that_are_less_likely_than_a_slight_law_are_withdrawn(monkeypatch,
 
 
 @pytest.mark.parametrize(
-    ("rival", "fits_worse_by", "several", "stays"),
+    ("rivals", "fits_worse_by", "several", "stays"),
     [
-        ("line_lag", 0.0, True, False),
-        ("line_lag", 0.0, False, True),
-        ("line_lag", 4.0, True, True),
-        ("line_lag", 40.0, True, True),
-        ("line_leak", 0.0, True, True),
+        (("line_lag", "fibre_twist"), 0.0, True, False),
+        (("line_lag", "fibre_twist"), 0.0, False, True),
+        (("line_lag",), 4.0, True, True),
+        (("line_lag",), 40.0, True, True),
+        (("line_leak",), 0.0, True, True),
     ],
 )
 def test_of_several_effects_one_that_is_no_likelier_than_a_rival_is_withdrawn(
-    monkeypatch, rival, fits_worse_by, *, several, stays
+    monkeypatch, rivals, fits_worse_by, *, several, stays
 ):
     """A leak that ends at once is a lost gain under another name: it is no reason to withdraw the gain."""
     place = Place(chamber=0)
     gain = replace(fit_of("chamber_gain", 0.1), hypotheses=(hypothesis("chamber_gain", place),))
-    theta = np.array([parameter.typical for parameter in EFFECTS[rival].parameters])
-    other = Fit((hypothesis(rival, place),), (theta,), np.eye(len(theta)), gain.gain)
-    payload = candidate(fit_of("tip_payload", 0.02), 1000.0, 2)
-    field = (candidate(gain, 100.0, 0), candidate(other, 100.0, 1))
-    chosen_effects = [Accepted(field[0], judgement(), field)]
+    field = [candidate(gain, 100.0, 0)]
+    for number, rival in enumerate(rivals, start=1):
+        theta = EFFECTS[rival].typical
+        other = Fit((hypothesis(rival, place),), (theta,), np.eye(len(theta)), gain.gain)
+        field.append(candidate(other, 100.0, number))
+    payload = candidate(fit_of("tip_payload", 0.02), 1000.0, len(field))
+    chosen_effects = [Accepted(field[0], judgement(), tuple(field))]
     if several:
         chosen_effects.append(Accepted(payload, judgement(), (payload,)))
     fit = gain.joined(payload.fit) if several else gain
@@ -1064,7 +1066,8 @@ def test_of_several_effects_one_that_is_no_likelier_than_a_rival_is_withdrawn(
             choice, accepted=tuple(choice.accepted[k] for k in kept), fit=choice.fit.selected(kept)
         )
 
-    search = weighing((*field, payload), [200.0, 200.0 - fits_worse_by, 1000.0])
+    gains = [200.0, *(200.0 - fits_worse_by for _ in rivals), 1000.0]
+    search = weighing((*field, payload), gains)
     search.without = without
     monkeypatch.setattr(conclude, "without_fragments", lambda _, choice: (choice, choice.fit, []))
     choice = ChosenEffects(tuple(chosen_effects), fit, 0.0, None)
@@ -1072,6 +1075,31 @@ def test_of_several_effects_one_that_is_no_likelier_than_a_rival_is_withdrawn(
     assert dropped == ([] if stays else ["chamber_gain"])
     assert kept.accepted == (choice.accepted if stays else choice.accepted[1:])
     assert sizes is kept.fit
+
+
+@pytest.mark.parametrize(("refused", "name"), [((), "line_lag"), ((1,), "tip_payload")])
+def test_a_rival_that_is_likelier_than_not_takes_the_place_of_one_of_several(monkeypatch, refused, name):
+    """It was chosen beside one that was taken back since; not so if confirming data disprove the rival."""
+    place = Place(chamber=0)
+    gain = replace(fit_of("chamber_gain", 0.1), hypotheses=(hypothesis("chamber_gain", place),))
+    lag = Fit((hypothesis("line_lag", place),), (np.array([0.3]),), np.eye(1), gain.gain)
+    payload = candidate(fit_of("tip_payload", 0.02), 1000.0, 2)
+    field = (candidate(gain, 100.0, 0), candidate(lag, 100.0, 1))
+    accepted = (Accepted(field[0], judgement(), field), Accepted(payload, judgement(), (payload,)))
+    choice = ChosenEffects(accepted, gain.joined(payload.fit), 0.0, None)
+
+    def exchanged(choice, number, one):
+        assert number == 0
+        own = replace(choice.accepted[0], candidate=one)
+        return replace(choice, accepted=(own, choice.accepted[1]), fit=one.fit.joined(payload.fit))
+
+    search = weighing((*field, payload), [200.0, 230.0, 1000.0])
+    search.exchanged = exchanged
+    search.without = lambda choice, _: replace(choice, accepted=choice.accepted[1:], fit=payload.fit)
+    monkeypatch.setattr(conclude, "without_fragments", lambda _, choice: (choice, choice.fit, []))
+    kept, _, dropped = without_improbable(search, choice, choice.fit, frozenset(refused))
+    assert kept.accepted[0].candidate.fit.hypotheses[0].name == name
+    assert dropped == (["chamber_gain"] if refused else [])
 
 
 def weighing(field: Sequence[Candidate], gains: Sequence[float]) -> Any:

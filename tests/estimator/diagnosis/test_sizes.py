@@ -232,7 +232,7 @@ def test_a_leak_that_is_not_distinguishable_from_none_is_a_late_line(monkeypatch
     monkeypatch.setattr(sizes, "sized", honest)
     monkeypatch.setattr(sizes, "gain_beside_law_errors", lambda *_: 110.0)
     search = SimpleNamespace(
-        refit=lambda fit: fit,
+        exchanged=lambda own, _, one: replace(own, accepted=(replace(accepted, candidate=one),), fit=one.fit),
         contribution=lambda *_: 90.0,
         problem=lambda *_: None,
         bic_penalty=5.0,

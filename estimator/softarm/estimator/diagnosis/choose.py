@@ -620,6 +620,15 @@ class Search:
         fit = self.refit(reduced) if reduced is not None else None
         return replace(choice, accepted=tuple(choice.accepted[k] for k in kept), fit=fit)
 
+    def exchanged(self, choice: ChosenEffects, number: int, candidate: Candidate) -> ChosenEffects:
+        """Put a candidate in the place of an effect, and fit all again."""
+        assert choice.fit is not None
+        rest = self.subset(choice.fit, [k for k in range(len(choice.accepted)) if k != number])
+        accepted = list(choice.accepted)
+        accepted[number] = replace(accepted[number], candidate=candidate)
+        fit = self.refit(rest.inserted(candidate.fit, number) if rest else candidate.fit)
+        return replace(choice, accepted=tuple(accepted), fit=fit)
+
     def subset(self, fit: Fit, kept: Sequence[int]) -> Fit | None:
         """Keep some effects of a fit as they are; ``None`` where none is kept."""
         return fit.selected(kept) if kept else None

@@ -1,12 +1,12 @@
 """From a search to findings in words: evidence on held-out data, rivals, what is left and where."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.candidates import Accepted, ChosenEffects, includes
+from softarm.estimator.diagnosis.candidates import Accepted, Candidate, ChosenEffects, includes
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Marginaliser
@@ -372,32 +372,53 @@ class Explanations:
 
 
 def without_improbable(
-    search: Search, choice: ChosenEffects, sizes: Fit | None
+    search: Search, choice: ChosenEffects, sizes: Fit | None, disproved: Set[int] = frozenset()
 ) -> tuple[ChosenEffects, Fit | None, list[EffectName]]:
     """Of several effects, take back those that are no likelier than their rivals, and size the others anew.
 
-    What the law of a stronger effect leaves always has a likeliest name. A single effect stays, for something
-    acts; whether its name is stated, see ``undecided``.
+    A rival that is likelier than not takes their place: what was taken back since they were chosen, as a lag
+    beside a lost gain, may have stood for a part of it. What the law of a stronger effect leaves always has a
+    likeliest name. A single effect stays, for something acts; whether its name is stated, see ``undecided``.
 
     Args:
         search: The search.
         choice: What it accepted.
         sizes: The same effects with their sizes; ``None`` where there are none.
+        disproved: Numbers of those that confirming data have disproved.
 
     Returns:
         What is left of the choice, its sizes, and the names of what was taken back.
     """
     dropped: list[EffectName] = []
+    refused = set(disproved)
     while sizes is not None and len(choice.accepted) > 1:
         sized = replace(choice, fit=sizes)
-        probable = [Explanations.of(search, sized, k).or_alike for k in range(len(choice.accepted))]
-        weakest = int(np.argmin(probable))
-        if probable[weakest] > LIKELIER:
+        explained = [Explanations.of(search, sized, k) for k in range(len(choice.accepted))]
+        weakest = int(np.argmin([one.or_alike for one in explained]))
+        if explained[weakest].or_alike > LIKELIER:
             break
-        dropped.append(sizes.hypotheses[weakest].name)
-        choice, sizes, fragments = without_fragments(search, search.without(choice, [weakest]))
+        likelier = _likelier(search, choice.accepted[weakest], explained[weakest], refused)
+        refused.add(choice.accepted[weakest].candidate.number)
+        if likelier is None:
+            dropped.append(sizes.hypotheses[weakest].name)
+            choice = search.without(choice, [weakest])
+        else:
+            choice = search.exchanged(choice, weakest, likelier)
+        choice, sizes, fragments = without_fragments(search, choice)
         dropped += fragments
     return choice, sizes, dropped
+
+
+def _likelier(
+    search: Search, accepted: Accepted, explained: Explanations, refused: Set[int]
+) -> Candidate | None:
+    """Return the rival of an effect that is likelier than not; none that was taken back before."""
+    for rival in accepted.field:
+        hypothesis = search.evidence.library.hypotheses[rival.number]
+        share = explained.each.get((hypothesis.name, hypothesis.place), 0.0)
+        if share > LIKELIER and rival.number not in refused:
+            return rival
+    return None
 
 
 def undecided(search: Search, choice: ChosenEffects, unnamed: float) -> tuple[Rival, ...]:

@@ -328,7 +328,7 @@ def decide(search: Search) -> Decision:
     choice, unproven = proven(search)
     disproved = {one.candidate.number for one in unproven}
     choice, sizes, fragments = without_fragments(search, choice)
-    choice, sizes, improbable = without_improbable(search, choice, sizes)
+    choice, sizes, improbable = without_improbable(search, choice, sizes, disproved)
     unnamed = unnamed_law(search, choice.fit)
     law, probability = unnamed if unnamed.outdoes else None, unnamed.probability
     found, asked = choice.fit is not None, False

@@ -211,7 +211,7 @@ def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects 
     """
     fit = choice.fit
     assert fit is not None
-    for number, one in enumerate(choice.accepted):
+    for number in range(len(choice.accepted)):
         plain = stated_alone(sizes, number)
         if plain is None:
             continue
@@ -223,10 +223,7 @@ def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects 
         candidate = search.candidate(index, np.array([size]), search.problem(rest), rest)
         if candidate is None:
             continue
-        accepted = list(choice.accepted)
-        accepted[number] = replace(one, candidate=candidate)
-        again = search.refit(rest.inserted(candidate.fit, number) if rest else candidate.fit)
-        return replace(choice, accepted=tuple(accepted), fit=again)
+        return search.exchanged(choice, number, candidate)
     return None
 
 
