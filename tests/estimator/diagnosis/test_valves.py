@@ -7,7 +7,7 @@ import pytest
 from softarm.estimator.diagnosis.admit import Admitted
 from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
 from softarm.estimator.diagnosis.valve_verdict import LEFT_OVER, not_compared, valve_diagnosis, with_valves
-from softarm.estimator.diagnosis.valves import ValveLaw, ceilings_of, static, valves_of
+from softarm.estimator.diagnosis.valves import Ceiling, ValveLaw, ceilings_of, static, valves_of
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
@@ -17,7 +17,7 @@ TIME = np.arange(0.0, 80.0, 0.01)
 
 
 def settled(setpoint: np.ndarray, bias: float, gain: float, deadband: float, ceiling: float) -> np.ndarray:
-    return static(setpoint, ValveLaw(bias=bias, gain=gain, deadband=deadband, ceiling=ceiling))
+    return static(setpoint, ValveLaw(bias=bias, gain=gain, deadband=deadband, ceiling=Ceiling(ceiling)))
 
 
 def _recording(name: str, dead_time: float = 0.0, lag: float = 0.0, law: tuple = (0.0, 0.0, 0.0, np.inf)):
@@ -40,7 +40,7 @@ def test_dead_time_lag_and_bias_are_found() -> None:
     assert valve.timing.dead_time == pytest.approx(0.05, abs=0.015)
     assert valve.timing.lag == pytest.approx(0.06, abs=0.02)
     assert valve.law.bias == pytest.approx(-700.0, abs=60.0)
-    assert valve.law.ceiling == np.inf
+    assert valve.law.ceiling.pressure == np.inf
 
 
 @pytest.mark.parametrize("lag", [0.008, 0.053, 0.115, 0.26])
@@ -156,6 +156,37 @@ def _ramped(hold: float, reached: Callable[[np.ndarray], np.ndarray]) -> Recordi
     given = first_order(TIME, reached(asked), 0.05, ())[0]
     given = given + np.random.default_rng(4).normal(0.0, 30.0, len(TIME))
     return Recording("ramped", TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
+
+
+def _held(levels: list[float], law: tuple) -> Recording:
+    """Hold each level for eight seconds."""
+    time = np.arange(0.0, 8.0 * len(levels), 0.02)
+    asked = np.array(levels)[(time // 8.0).astype(int)]
+    given = first_order(time, settled(asked, *law), 0.04, ())[0]
+    given = given + np.random.default_rng(2).normal(0.0, 30.0, len(time))
+    return Recording("held", time, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
+
+
+@pytest.mark.parametrize(
+    ("law", "chance"),
+    [
+        ((-700.0, 0.0, 0.0, 45e3), 1.0 / 6.0),
+        ((-3500.0, 0.0, 0.0, np.inf), None),
+        ((0.0, -0.08, 0.0, np.inf), None),
+    ],
+)
+def test_the_highest_of_many_set_points_may_show_a_ceiling_alone(law: tuple, chance: float | None) -> None:
+    """A valve that is too low by some pressure, or by a share, misses all of them."""
+    recording = _held([20e3, 49e3, 35e3, 28e3, 42e3, 30e3], law)
+    ceilings = ceilings_of([recording])
+    assert (0 in ceilings) is (chance is not None)
+    found = [f for f in valve_findings(splits_of([recording]), []) if f.effect == "pressure_saturation"]
+    if chance is None:
+        assert not found
+    else:
+        assert ceilings[0].chance == pytest.approx(chance)
+        assert found[0].parameters["ceiling"].value == pytest.approx(45e3, abs=200.0)
+        assert found[0].probability == pytest.approx(1.0 - chance, abs=1e-3)
 
 
 @pytest.mark.parametrize("hold", [0.7, 2.0])

@@ -222,16 +222,17 @@ def _ceiling(
     chamber: int, splits: Sequence[Split], references: Sequence[Split], evidence: Evidence
 ) -> list[Finding]:
     """Report a pressure that is not passed; a law learnt before it was met cannot be judged by it."""
-    ceilings = [split.valve.law.ceiling for split in splits if np.isfinite(split.valve.law.ceiling)]
-    if not ceilings or any(np.isfinite(split.valve.law.ceiling) for split in references):
+    met = [split.valve.law.ceiling for split in splits]
+    met = [ceiling for ceiling in met if np.isfinite(ceiling.pressure)]
+    if not met or any(np.isfinite(split.valve.law.ceiling.pressure) for split in references):
         return []
-    ceiling = float(np.median(ceilings))
+    ceiling = float(np.median([one.pressure for one in met]))
     lost = max(float(split.setpoint.max()) for split in splits) - ceiling
     if lost <= LEAST_LOSS:
         return []
     words = f"The pressure in chamber {chamber} stops at {1e-3 * ceiling:.1f} kPa, below its set-point."
     quantity = {"ceiling": Quantity(ceiling, CEILING_STD, "Pa")}
-    sure = _probability(lost, CEILING_STD, len(ceilings))
+    sure = _probability(lost, CEILING_STD, len(met)) * (1.0 - max(one.chance for one in met))
     return [_finding("pressure_saturation", chamber, words, quantity, sure, evidence, "pressure level")]
 
 

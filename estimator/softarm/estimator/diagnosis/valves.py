@@ -9,6 +9,7 @@ from the changes, S from the holds.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
+from math import comb
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,19 @@ LEAST_CHANGE, SUDDEN = 3000.0, 0.1
 """Set-points must change by so much [Pa] within such a time [s] to distinguish a lag from a bias."""
 
 
+class Ceiling(NamedTuple):
+    """A pressure that a valve does not pass.
+
+    Args:
+        pressure: [Pa]; infinite where there is none.
+        chance: Probability that just the highest set-points are those missed, if they are missed for another
+            reason; 0 where several different set-points end at one pressure.
+    """
+
+    pressure: float = float("inf")
+    chance: float = 0.0
+
+
 class ValveLaw(NamedTuple):
     """What a valve settles at.
 
@@ -44,7 +58,7 @@ class ValveLaw(NamedTuple):
         bias_std: Standard deviation of that between holds [Pa]; 0 where there were less than two.
         gain: Relative error that grows with the set-point.
         deadband: Set-point up to which nothing comes [Pa].
-        ceiling: Pressure that is not passed however much is asked [Pa]; infinite where it is never met.
+        ceiling: Pressure that is not passed however much is asked.
         vented: Pressure that is read while the set-point is zero [Pa]; 0 where it was never held.
         vents: How often a set-point of zero was held for long enough to read that.
     """
@@ -54,7 +68,7 @@ class ValveLaw(NamedTuple):
     bias_std: float = 0.0
     gain: float = 0.0
     deadband: float = 0.0
-    ceiling: float = float("inf")
+    ceiling: Ceiling = Ceiling()
     vented: float = 0.0
     vents: int = 0
 
@@ -94,21 +108,21 @@ class Valve:
     noise: float
 
 
-def valves_of(recording: Recording, ceilings: Mapping[int, float]) -> tuple[Valve, ...]:
+def valves_of(recording: Recording, ceilings: Mapping[int, Ceiling]) -> tuple[Valve, ...]:
     """Describe every valve of which set-point and pressure were both recorded and that was opened.
 
     Args:
         recording: The recording.
-        ceilings: Pressures that valves do not pass [Pa], of ``ceilings_of``, by their chambers.
+        ceilings: Pressures that valves do not pass, of ``ceilings_of``, by their chambers.
     """
     return tuple(
-        _valve(chamber, time, setpoint, measured, ceilings.get(chamber, float("inf")))
+        _valve(chamber, time, setpoint, measured, ceilings.get(chamber, Ceiling()))
         for chamber, time, setpoint, measured in _opened(recording)
     )
 
 
-def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
-    """Find the pressures [Pa] that valves do not pass in any of some recordings, by their chambers."""
+def ceilings_of(recordings: Sequence[Recording]) -> dict[int, Ceiling]:
+    """Find the pressures that valves do not pass in any of some recordings, by their chambers."""
     opened: dict[int, list[tuple[Floats, Floats, Floats]]] = {}
     for recording in recordings:
         for chamber, time, setpoint, measured in _opened(recording):
@@ -120,7 +134,7 @@ def ceilings_of(recordings: Sequence[Recording]) -> dict[int, float]:
         rests = [rest for signals in recorded for rest in _rests_below(*signals, highest)]
         levels, reached = (np.concatenate(parts) for parts in zip(*holds, *rests, strict=True))
         ceilings[chamber] = _ceiling(levels, reached)
-    return {chamber: ceiling for chamber, ceiling in ceilings.items() if np.isfinite(ceiling)}
+    return {chamber: ceiling for chamber, ceiling in ceilings.items() if np.isfinite(ceiling.pressure)}
 
 
 def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]]:
@@ -143,11 +157,11 @@ def predict(valve: Valve, time: Floats, setpoint: Floats) -> Floats:
 
 def static(setpoint: Floats, law: ValveLaw) -> Floats:
     """Return the settled pressure for a set-point [Pa]."""
-    target = np.minimum((1.0 + law.gain) * (setpoint - law.deadband) + law.bias, law.ceiling)
+    target = np.minimum((1.0 + law.gain) * (setpoint - law.deadband) + law.bias, law.ceiling.pressure)
     return np.where(setpoint > max(law.deadband, OPEN), np.maximum(target, law.vented), law.vented)
 
 
-def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceiling: float) -> Valve:
+def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceiling: Ceiling) -> Valve:
     law = _static_law(*_holds(time, setpoint, measured), ceiling)
     timed = bool(np.abs(np.interp(time + SUDDEN, time, setpoint) - setpoint).max() > LEAST_CHANGE)
     timing = _timing(time, setpoint, measured, law) if timed else Timing()
@@ -208,7 +222,7 @@ def _unrest(measured: Floats) -> float:
     return max(halves) - min(halves)
 
 
-def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw:
+def _static_law(level: Floats, pressure: Floats, ceiling: Ceiling) -> ValveLaw:
     """Fit the settled law to the holds, each hold one point."""
     opened, closed = level > OPEN, level < 1.0
     vents, vented = int(closed.sum()), float(np.median(pressure[closed])) if closed.any() else 0.0
@@ -219,7 +233,7 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw:
     deadband = 0.0
     if shut.any() and passing.any() and level[shut].max() < level[passing].min():
         deadband = float(level[shut].max())
-    below = passing & (pressure < ceiling - 500.0)
+    below = passing & (pressure < ceiling.pressure - 500.0)
     error = pressure[below] - level[below]
     if not len(error):
         return ValveLaw(deadband=deadband, ceiling=ceiling, vented=vented, vents=vents)
@@ -233,16 +247,24 @@ def _static_law(level: Floats, pressure: Floats, ceiling: float) -> ValveLaw:
     return ValveLaw(len(residual), bias, spread, gain, deadband, ceiling, vented, vents)
 
 
-def _ceiling(level: Floats, pressure: Floats) -> float:
-    """Find the pressure that several different set-points do not pass [Pa]."""
+def _ceiling(level: Floats, pressure: Floats) -> Ceiling:
+    """Find the pressure that several different set-points do not pass, or the highest of many alone."""
     opened = level > OPEN
     level, pressure = level[opened], pressure[opened]
     if len(level) < 3:
-        return float("inf")
+        return Ceiling()
     highest = float(pressure.max())
     near = pressure > highest - 300.0
-    missing = level[near] - pressure[near]
-    return highest if near.sum() >= 2 and np.ptp(level[near]) > 2e3 and missing.max() > 3e3 else float("inf")
+    short = level - pressure
+    if short[near].max() <= 3e3:
+        return Ceiling()
+    if near.sum() >= 2 and np.ptp(level[near]) > 2e3:
+        return Ceiling(highest)
+    # Where the valve is merely too low by some pressure, or by some share, the others are short as well.
+    others = short[~near]
+    if len(others) and level[near].min() > level[~near].max() and 2.0 * others.max() < short[near].min():
+        return Ceiling(highest, 1.0 / comb(len(level), int(near.sum())))
+    return Ceiling()
 
 
 def _timing(time: Floats, setpoint: Floats, measured: Floats, law: ValveLaw) -> Timing:
