@@ -490,7 +490,7 @@ def test_a_weak_effect_may_be_what_the_law_of_another_one_leaves(monkeypatch, fi
 def test_what_an_effect_adds_is_asked_beside_those_found_after_it(monkeypatch):
     """A denser arm gained most before the payload was found that explains the same."""
     mass, payload = fit_of("distributed_mass", 0.1), fit_of("tip_payload", 0.02)
-    hysteresis = fit_of("hysteresis", 0.1, 0.3)
+    hysteresis = fit_of("hysteresis", 0.1, 0.3, 0.0, 0.0)
     gains = {"distributed_mass": 700.0, "tip_payload": 720.0, "hysteresis": 600.0}
 
     def refit(fit):
@@ -509,6 +509,20 @@ def test_what_an_effect_adds_is_asked_beside_those_found_after_it(monkeypatch):
     monkeypatch.setattr(sizes, "gain_beside_law_errors", lambda *_: 500.0)
     search.problem = lambda: None
     assert fragments(cast("Any", search), every) == {0: -5.0, 1: 15.0}
+
+
+@pytest.mark.parametrize(("stiffness", "gain"), [(25.0, np.inf), (8.0, -158.0)])
+def test_a_cord_that_must_be_as_stiff_as_a_wall_states_nothing_in_its_place(stiffness, gain):
+    """Without the wall the cord alone explains more than both do here, but at its bound a wall begins."""
+    tip = Place(section="tip")
+    wall, cord = (hypothesis(name, tip) for name in ("contact_obstacle", "tether_stiffness"))
+    both = Fit((wall, cord), (wall.effect.typical, cord.effect.typical), np.eye(7), 1000.0)
+    alone = Fit((cord,), (np.array([stiffness, *cord.effect.typical[1:]]),), np.eye(4), 1143.0)
+    search = SimpleNamespace(
+        refit=lambda _: alone, bic_penalty=5.0, subset=lambda fit, kept: fit.selected(kept) if kept else None
+    )
+    search.worth = lambda fit: Search.worth(cast("Any", search), fit)
+    assert Search.contribution(cast("Any", search), both, 0) == gain
 
 
 class ArmOfOneEffect:

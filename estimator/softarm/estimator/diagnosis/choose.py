@@ -604,10 +604,18 @@ class Search:
         return kept, self.refit(reduced) if reduced is not None else None, dropped
 
     def contribution(self, fit: Fit, number: int) -> float:
-        """Return what one effect gains in the criterion beside the others, fitted again without it."""
+        """Return what one effect gains in the criterion beside the others, fitted again without it.
+
+        It is infinite where another one then ends at a bound: a cord that must be as stiff as a wall is
+        another law there, and states nothing in its place.
+        """
         others = self.subset(fit, [k for k in range(len(fit.thetas)) if k != number])
-        left = self.worth(self.refit(others)) if others is not None else 0.0
-        return self.worth(fit) - left
+        if others is None:
+            return self.worth(fit)
+        again = self.refit(others)
+        if any(again.is_bounded(k) and not others.is_bounded(k) for k in range(len(others.thetas))):
+            return np.inf
+        return self.worth(fit) - self.worth(again)
 
     def worth(self, fit: Fit) -> float:
         """Return what all effects of a fit gain in the criterion."""
