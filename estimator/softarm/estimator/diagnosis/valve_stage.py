@@ -267,22 +267,7 @@ def _steady(
     seen = any(split.valve.law.deadband > band for split in splits)
     findings = []
     if opened < 0.0 and (seen or (references and not offset)):
-        lower = -1e-3 * opened
-        words = f"The first {lower:.2f} kPa of the set-point of chamber {chamber} have no effect."
-        if not seen:
-            words = f"The pressure in chamber {chamber} stays another {lower:.2f} kPa below its set-point."
-        findings.append(
-            _finding(
-                "valve_deadband",
-                chamber,
-                words,
-                {"band": Quantity(-opened, spread, "Pa")},
-                surely(opened) * (1.0 if seen else DEADBAND),
-                evidence,
-                "pressure level",
-                () if seen else (_alike("pressure_bias", chamber, np.log(DEADBAND / (1.0 - DEADBAND))),),
-            )
-        )
+        findings.append(_deadband(chamber, -opened, spread, surely(opened), evidence, seen=seen))
         opened = 0.0
     if not offset and not opened:
         return findings
@@ -305,6 +290,25 @@ def _steady(
         )
     )
     return findings
+
+
+def _deadband(
+    chamber: int, band: float, std: float, probability: float, evidence: Evidence, *, seen: bool
+) -> Finding:
+    """Report a dead band: seen where some set-point had no effect, else likelier than a bias."""
+    rivals: tuple[Rival, ...] = ()
+    words = f"The first {1e-3 * band:.2f} kPa of the set-point of chamber {chamber} have no effect."
+    if not seen:
+        words = (
+            f"The pressure in chamber {chamber} stays {1e-3 * band:.2f} kPa further below its set-point than "
+        )
+        words += "in nominal recordings."
+        rivals = (_alike("pressure_bias", chamber, np.log(DEADBAND / (1.0 - DEADBAND))),)
+        probability *= DEADBAND
+    quantity = {"band": Quantity(band, std, "Pa")}
+    return _finding(
+        "valve_deadband", chamber, words, quantity, probability, evidence, "pressure level", rivals
+    )
 
 
 def _alike(effect: EffectName, chamber: int, log_bayes_factor: float) -> Rival:
