@@ -374,12 +374,11 @@ class Explanations:
 def without_improbable(
     search: Search, choice: ChosenEffects, sizes: Fit | None, disproved: Set[int] = frozenset()
 ) -> tuple[ChosenEffects, Fit | None, list[EffectName]]:
-    """Replace or take back effects that are no likelier than their rivals, and size the others anew.
+    """Of several effects, take back those that are no likelier than their rivals, and size the others anew.
 
     A rival that is likelier than not takes their place: what was taken back since they were chosen, as a lag
-    beside a lost gain, may have stood for a part of it. Without such a rival, one of several is taken back,
-    for what the law of a stronger effect leaves always has a likeliest name. A single effect stays, for
-    something acts; whether its name is stated, see ``undecided``.
+    beside a lost gain, may have stood for a part of it. What the law of a stronger effect leaves always has a
+    likeliest name. A single effect stays, for something acts; whether its name is stated, see ``undecided``.
 
     Args:
         search: The search.
@@ -392,15 +391,13 @@ def without_improbable(
     """
     dropped: list[EffectName] = []
     refused = set(disproved)
-    while sizes is not None:
+    while sizes is not None and len(choice.accepted) > 1:
         sized = replace(choice, fit=sizes)
         explained = [Explanations.of(search, sized, k) for k in range(len(choice.accepted))]
         weakest = int(np.argmin([one.or_alike for one in explained]))
         if explained[weakest].or_alike > LIKELIER:
             break
         likelier = _likelier(search, choice.accepted[weakest], explained[weakest], refused)
-        if likelier is None and len(choice.accepted) == 1:
-            break
         refused.add(choice.accepted[weakest].candidate.number)
         if likelier is None:
             dropped.append(sizes.hypotheses[weakest].name)
