@@ -8,7 +8,7 @@ import pytest
 
 from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem, RecordingResidual, gain_of
 from softarm.estimator.diagnosis.gaussian import Gaussian
-from softarm.estimator.diagnosis.law_error import SHARE, gain_beside_law_errors, pull_of_law_errors
+from softarm.estimator.diagnosis.law_error import SHARE, gain_beside_law_errors, gradient_covariance
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.effects import EFFECTS
@@ -73,7 +73,7 @@ def test_a_size_scatters_as_the_error_of_its_law_makes_it() -> None:
                for recorded in problem.residuals]  # fmt: skip
     slopes = [change.reshape(-1, 1) for change in changes]
     information = sum(float((slope**2).sum()) for slope in slopes)
-    (variance,) = pull_of_law_errors(problem, alone, slopes)[0] / information**2
+    (variance,) = gradient_covariance(problem, alone, slopes)[0] / information**2
     rng = np.random.default_rng(8)
     sizes = []
     for _ in range(2000):
@@ -83,4 +83,4 @@ def test_a_size_scatters_as_the_error_of_its_law_makes_it() -> None:
     assert np.sqrt(variance) == pytest.approx(np.std(sizes), rel=0.06)
     sensor = Hypothesis(EFFECTS["sensor_scale"], Place(sensor="tip_frame"))
     exact = Fit((sensor,), (np.ones(1),), np.eye(1), 0.0)
-    assert not pull_of_law_errors(problem, exact, slopes).any()
+    assert not gradient_covariance(problem, exact, slopes).any()

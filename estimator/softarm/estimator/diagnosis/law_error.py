@@ -52,11 +52,11 @@ def gain_beside_law_errors(problem: MarginalisedProblem, fit: Fit, number: int) 
     return float(2.0 * pull - size)
 
 
-def pull_of_law_errors(problem: MarginalisedProblem, fit: Fit, slopes: Sequence[Floats]) -> Floats:
+def gradient_covariance(problem: MarginalisedProblem, fit: Fit, slopes: Sequence[Floats]) -> Floats:
     """Compute the covariance of the gradient of least squares that comes from the errors of laws.
 
-    It is the sum of X'd d'X, d what an effect changes in one channel of one recording, times ``SHARE``. How a
-    sensor is mounted, scaled or late is kinematics, which is exact.
+    It is the sum of X'd d'X, with d the change by an effect in one channel of one recording, times ``SHARE``.
+    How a sensor is mounted, scaled or late is kinematics, which is exact.
 
     Args:
         problem: What the effects were fitted to.
@@ -75,8 +75,8 @@ def pull_of_law_errors(problem: MarginalisedProblem, fit: Fit, slopes: Sequence[
         for recorded, slope, change in zip(problem.residuals, slopes, changes, strict=True):
             channels = recorded.left.shape[1]
             by_channel = change[:, 0].reshape(-1, channels)
-            pull = np.einsum("tcp,tc->cp", slope.reshape(-1, channels, count), by_channel)
-            covariance += SHARE**2 * pull.T @ pull
+            by_error = np.einsum("tcp,tc->cp", slope.reshape(-1, channels, count), by_channel)
+            covariance += SHARE**2 * by_error.T @ by_error
     return covariance
 
 

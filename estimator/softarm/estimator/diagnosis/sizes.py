@@ -49,7 +49,7 @@ from softarm.estimator.diagnosis.fit import (
 )
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.judge import MATERIAL
-from softarm.estimator.diagnosis.law_error import gain_beside_law_errors, pull_of_law_errors
+from softarm.estimator.diagnosis.law_error import gain_beside_law_errors, gradient_covariance
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.effects import ParameterSpec
@@ -126,8 +126,10 @@ def sized(search: Search, fit: Fit) -> Fit:
     ]
     prior = 1.0 / parametrisation.spreads**2
     fraction = search.weights.effective_sample_fraction
-    pull = pull_of_law_errors(problem, found, slopes)
-    spread = robust_covariance(parts, UNBIASED * prior / fraction, search.prior.covariance, pull, fraction)
+    law_errors = gradient_covariance(problem, found, slopes)
+    spread = robust_covariance(
+        parts, UNBIASED * prior / fraction, search.prior.covariance, law_errors, fraction
+    )
     wider = contact_deviations(found, _left_variance(residuals, left))
     spread *= np.outer(wider, wider)
     covariance = np.linalg.inv(np.linalg.inv(spread) + np.diag(prior))
