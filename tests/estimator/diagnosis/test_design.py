@@ -1,6 +1,8 @@
 """What a diagnosis regresses on: the effects that may act, the model itself, lines, and what exposes them."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ import pytest
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import exact_model
 from softarm.estimator.diagnosis.conclude import exposing_variable
-from softarm.estimator.diagnosis.diagnose import diagnose
+from softarm.estimator.diagnosis.diagnose import _no_equilibrium, _require_searched, diagnose
 from softarm.estimator.diagnosis.exact_model import SETTLED_WRENCH, ExactModel
 from softarm.estimator.diagnosis.library import build_library, library_columns
 from softarm.estimator.diagnosis.line import line_errors
@@ -207,8 +209,24 @@ def test_a_place_on_the_map_is_one_where_effects_act(kind: str, name: str, place
     assert Cell(kind, name, "x", "pose", 0.1, "rad", 0.5, 0.01).place == place
 
 
-def test_pressures_at_which_the_model_finds_no_equilibrium_are_refused() -> None:
+@pytest.mark.parametrize(
+    ("lost", "problem"), [("prediction", "finds no equilibrium"), ("reading_rows", "no reading is left")]
+)
+def test_why_nothing_is_left_to_search_is_said(lost: str, problem: str) -> None:
+    heldout = np.array([False, False, True])
+    rows = {"prediction": np.ones((3, 2)), "reading_rows": np.ones((3, 2))}
+    rows[lost][~heldout] = np.nan
+    one = SimpleNamespace(
+        session=SimpleNamespace(name="run", nominal=False, heldout=heldout),
+        reading_rows=rows["reading_rows"],
+        residual=rows["reading_rows"] - rows["prediction"],
+    )
+    with pytest.raises(InputError, match=problem):
+        _require_searched([cast("Any", one)], _no_equilibrium([cast("Any", one)]))
+
+
+def test_recordings_without_a_reading_to_search_are_refused() -> None:
     run = session("run", 4)
     lost = replace(run, readings=np.full_like(run.readings, np.nan))
-    with pytest.raises(InputError, match="no equilibrium at the recorded pressures"):
+    with pytest.raises(InputError, match="no reading is left"):
         diagnose(model(), [session("nominal", 0, nominal=True), lost], Inline(), effects=("chamber_gain",))

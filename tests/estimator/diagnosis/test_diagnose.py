@@ -145,6 +145,7 @@ def test_traces_are_off_by_what_held_out_errors_count(weak: DiagnosisOutcome) ->
         for which, predicted in (("before", trace.before), ("after", trace.after)):
             residual = kept[trace.recording][residual_column(which, trace.channel, trace.unit)]
             np.testing.assert_allclose(trace.measured - predicted, residual, atol=1e-12)
+        np.testing.assert_array_equal(trace.heldout, kept[trace.recording][HELDOUT] == 1.0)
 
 
 def test_an_inseparable_rival_is_named_with_what_would_tell(weak: DiagnosisOutcome) -> None:

@@ -1,5 +1,6 @@
 """What the error of a strong effect's law may look like does not count for a weaker effect; the rest does."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -56,6 +57,26 @@ def test_only_what_no_error_of_the_others_law_explains_counts(of_its_own: bool) 
         assert beside == pytest.approx(plain, rel=0.05)
     else:
         assert abs(beside) < 2.0 * RECORDINGS * ROWS
+
+
+def test_how_another_sensor_reads_is_exact() -> None:
+    """What one sensor's own error may get wrong explains nothing that another one shows."""
+    problem, fit = problem_of(of_its_own=False)
+    sensor = Hypothesis(EFFECTS["sensor_scale"], Place(sensor="tip_frame"))
+    exact = Fit((sensor, fit.hypotheses[1]), fit.thetas, fit.covariance, 0.0)
+    for recorded in problem.residuals:
+        by, stage = recorded.stage.change, cast("Any", recorded.stage)
+        stage.change = lambda placed, by=by, **_: sum(
+            by([SimpleNamespace(effect=STRONG.effect, theta=p.theta)])
+            if p.effect.name == "sensor_scale"
+            else by([p])
+            for p in placed
+        )
+        stage.world = replace(stage.world, sensors=("tip_frame",))
+    plain = gain_of(problem, exact.hypotheses, exact.thetas) - gain_of(
+        problem, exact.hypotheses[:1], exact.thetas[:1]
+    )
+    assert gain_beside_law_errors(problem, exact, 1) == pytest.approx(plain)
 
 
 def test_beside_no_other_effect_the_gain_is_that_of_the_fit() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.workers import Inline
+from softarm.estimator.diagnosis import unnamed
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.diagnose import assemble, begin
 from softarm.estimator.diagnosis.judge import CERTAIN
@@ -54,6 +55,22 @@ def test_a_law_that_states_what_a_name_does_takes_its_place_nowhere(size: float)
     stiffness = search.candidate(own, np.array([size]), search.problem(), None)
     assert stiffness is not None
     assert unnamed_law(search, stiffness.fit).probability < 0.05
+
+
+def test_where_every_law_is_stated_none_competes(monkeypatch: pytest.MonkeyPatch):
+    """A passive beam has laws of its bend alone, which an accepted law of bend states."""
+    name, lower = "material_softening", Place(segment="lower")
+    search = searching((), LAW, name)
+    own = [h.place for h in search.evidence.library.hypotheses].index(lower)
+    effect = search.evidence.library.hypotheses[own].effect
+    softening = search.candidate(
+        own, np.array([p.typical for p in effect.parameters]), search.problem(), None
+    )
+    assert softening is not None
+    of_bend = [law for law in unnamed.laws(search, smooth=False) if law.regime == unnamed.BEND]
+    monkeypatch.setattr(unnamed, "laws", lambda *_, **__: [law for law in of_bend if law.place == lower])
+    law = unnamed_law(search, softening.fit)
+    assert (law.probability, law.outdoes) == (0.0, False)
 
 
 def test_the_names_that_a_law_outdoes_are_listed_once() -> None:

@@ -6,7 +6,7 @@ import pytest
 
 from softarm.estimator.diagnosis.admit import Admitted
 from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
-from softarm.estimator.diagnosis.valve_verdict import LEFT_OVER, not_compared, valve_diagnosis, with_valves
+from softarm.estimator.diagnosis.valve_verdict import LEFT_OVER, not_compared, valve_diagnosis
 from softarm.estimator.diagnosis.valves import Ceiling, ValveLaw, ceilings_of, static, valves_of
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
@@ -281,6 +281,38 @@ def test_an_offset_that_is_there_when_vented_is_one_of_the_sensor(offset: float)
     assert found.unexplained.over_nominal == pytest.approx(1.0, abs=0.05)
 
 
+def test_what_was_never_read_vented_has_not_changed() -> None:
+    """A sensor that is as far off in both states is no finding, even if one of them was never vented."""
+    shifted, columns = {}, _recording("plain").columns
+    for name, open_always in (("off", False), ("known", True)):
+        asked = np.maximum(columns["pressure_cmd_0_pa"], 10e3 if open_always else 0.0)
+        given = asked + 1000.0 + np.random.default_rng(6).normal(0.0, 30.0, len(TIME))
+        shifted[name] = Recording(name, TIME, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
+    assert valve_findings(splits_of([shifted["off"]]), splits_of([shifted["known"]])) == ()
+
+
+@pytest.mark.parametrize(("nominal", "gain"), [(0.0, -0.1), (-0.1, -0.1), (0.05, -0.1)])
+def test_a_valve_that_delivers_a_share_of_its_set_point_is_named(nominal: float, gain: float) -> None:
+    few = _recording("few", law=(0.0, gain, 0.0, np.inf))
+    known = [_recording("known", law=(0.0, nominal, 0.0, np.inf))] if nominal else []
+    found = valve_findings(splits_of([few]), splits_of(known))
+    if nominal == gain:
+        assert found == ()
+        return
+    (finding,) = found
+    assert (finding.effect, finding.where) == ("chamber_gain", Place(chamber=0))
+    assert finding.parameters["gain"].value == pytest.approx((1.0 + gain) / (1.0 + nominal) - 1.0, abs=0.003)
+
+
+def test_no_law_is_judged_by_readings_that_it_has_seen() -> None:
+    """Of 80 readings while the valve is open too few lie in the first half to learn a law from."""
+    time = np.arange(0.0, 8.0, 0.1)
+    asked = np.where(time % 4.0 > 2.0, 30e3, 10e3)
+    recording = Recording("short", time, {"pressure_cmd_0_pa": asked, "pressure_0_pa": asked - 900.0})
+    assert valves_of(recording, {})
+    assert splits_of([recording]) == []
+
+
 def test_an_offset_of_the_sensor_shows_where_it_cancels_a_dead_band() -> None:
     low = _recording("low", law=(0.0, 0.0, 2500.0, np.inf))
     off = Recording("off", TIME, low.columns | {"pressure_0_pa": low.columns["pressure_0_pa"] + 2400.0})
@@ -437,6 +469,8 @@ def test_what_a_valves_law_leaves_is_unexplained(law: tuple, verdict: str) -> No
 def test_a_valves_fault_explains_its_part_of_an_arms_verdict(alone: str, together: str) -> None:
     arm = replace(_diagnosed(_recording("plain")), verdict=alone)
     faults = _diagnosed(_recording("off", law=BIASED)).findings
-    assert with_valves(arm, faults).verdict == together
-    assert with_valves(arm, faults).findings == faults
-    assert with_valves(arm, ()) is arm
+    assert arm.with_faults(faults).verdict == together
+    assert arm.with_faults(faults).findings == faults
+    assert arm.with_faults(()) is arm
+    unknown = replace(arm, findings=faults)  # whatever the arm's own findings are, they stay
+    assert unknown.with_faults(faults).findings == (*faults, *faults)

@@ -33,7 +33,8 @@ class Candidate:
         number: Its number in the library.
         fit: The fit, together with the effects accepted before.
         delta_bic: By how much it lowers the cost, less the penalty of its parameters and of a size that
-            nobody expects.
+            nobody expects. A natural frequency is left out of it: it distinguishes effects that explain what
+            was measured, and by itself shows none.
     """
 
     number: int

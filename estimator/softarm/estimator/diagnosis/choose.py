@@ -285,15 +285,21 @@ class Search:
         than its linearisation does.
         """
         fit = candidate.fit
+        # Only the first of all effects is conditioned on the frequency before all are fitted together.
+        frequency = self.natural_frequency if accepted is None else None
+        conditioned = frequency.conditioned if frequency is not None else lambda found: found
         if fit.hypotheses[-1].effect.has_choices and not fit.exact:
-            best = fit_laws(problem, fit.hypotheses, fit.thetas)
+            best = conditioned(fit_laws(problem, fit.hypotheses, fit.thetas))
             if best.gain > fit.gain:
                 candidate, fit = self.weighed(candidate.number, best, accepted), best
         if not self.solvable(fit) or fit.exact:
             return candidate
-        if abs(gain_of(problem, fit.hypotheses, fit.thetas) - fit.gain) < ALIKE:
+        of_frequency = frequency.gain_of(fit) if frequency is not None else 0.0
+        if abs(gain_of(problem, fit.hypotheses, fit.thetas) + of_frequency - fit.gain) < ALIKE:
             return candidate
-        again = fit_effects(problem, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
+        again = conditioned(
+            fit_effects(problem, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
+        )
         return self.weighed(candidate.number, again, accepted) if again.gain > fit.gain else candidate
 
     def solvable(self, fit: Fit, *, answering: bool = False) -> bool:

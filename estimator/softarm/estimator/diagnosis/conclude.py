@@ -356,7 +356,8 @@ class Explanations:
         field = [one for one in accepted.field if one.number not in taken and not one.fit.at_bound]
         rest = search.subset(fit, others)
         costs = [search.predicted(one, rest) for one in field]
-        weights = probabilities(field, costs, search.bic_penalty, search.rng)
+        # Of its own draws, so that a probability is the same wherever it is asked for.
+        weights = probabilities(field, costs, search.bic_penalty, np.random.default_rng(0))
         groups = groups_of_alike(field)
         shares = shared(weights, groups)
         each: dict[Explanation, float] = {}
@@ -537,7 +538,7 @@ def _finding(
     hypothesis, theta, stds = fit.hypotheses[index], fit.thetas[index], fit.stds(index)
     effect = hypothesis.effect
     before, after = predictions.rms()
-    low, high = accepted.judgement.gain_ci95
+    low, high = 0.0, 0.0
     if len(predictions.before) > 1:
         low, high = bootstrap(search.rng, predictions.before, predictions.after)
     explanations = Explanations.of(search, choice, index)

@@ -196,13 +196,14 @@ def assemble(
     fitted = calibrate_sessions(model, [without_repeated(session) for session in known])
     advance("predicting")
     stages = tuple(fitted.stage(model, session) for session in split)
-    _require_predictions(stages)
+    _require_searched(stages, _no_equilibrium(stages))
     refuse_swapped(stages)
     stuck = tuple(one for stage in stages for one in find_stuck(stage))
     stages = tuple(
         without_stuck(stage, tuple(one for one in stuck if one.recording == stage.session.name))
         for stage in stages
     )
+    _require_searched(stages, ("every sensor stands still while the model moves", "check that they are read"))
     masses = Masses.of(model.specimen, model.sections, stages[0].world.segments)
     nominal = [stage for stage in stages if stage.session.nominal]
     vibration, words = fit_vibration(nominal or stages, masses)
@@ -400,15 +401,22 @@ def _is_doubtful(choice: ChosenEffects) -> bool:
     return turned_down is not None and turned_down[1].gain_ci95[0] > DOUBTFUL and choice.alarm_p < SIGNIFICANT
 
 
-def _require_predictions(stages: Sequence[Stage]) -> None:
+def _require_searched(stages: Sequence[Stage], problem_and_cure: tuple[str, str]) -> None:
+    """Refuse recordings in question of which no reading is left to search."""
     suspects = [stage for stage in stages if not stage.session.nominal]
     if not any(np.isfinite(stage.residual[~stage.session.heldout]).any() for stage in suspects):
-        names = ", ".join(stage.session.name for stage in suspects)
-        raise InputError(
-            names,
-            "the model finds no equilibrium at the recorded pressures",
-            "check the pressures' unit, or calibrate the specimen's moduli first",
-        )
+        raise InputError(", ".join(stage.session.name for stage in suspects), *problem_and_cure)
+
+
+def _no_equilibrium(stages: Sequence[Stage]) -> tuple[str, str]:
+    """Say why nothing is predicted of the recordings in question, and what to do."""
+    suspects = [stage for stage in stages if not stage.session.nominal]
+    if not any(np.isfinite(stage.reading_rows[~stage.session.heldout]).any() for stage in suspects):
+        return "no reading is left outside held-out stretches", "record for longer, or with more sensors"
+    return (
+        "the model finds no equilibrium at the recorded pressures",
+        "check the pressures' unit, or calibrate the specimen's moduli first",
+    )
 
 
 def _columns(work: tuple[Stage, Library]) -> NDArray[np.float32]:
@@ -450,7 +458,8 @@ def _outcome(
     evidence, choice, law = search.evidence, decision.choice, decision.law
     suspects = [stage for stage in evidence.stages if not stage.session.nominal]
     predictions = held_out(search, None, choice.fit, known=choice.fit is not None)
-    findings = (*findings_of(search, choice, decision.unnamed), *stuck_findings(assembled.stuck))
+    findings = findings_of(search, choice, decision.unnamed)
+    stuck = stuck_findings(assembled.stuck)
     first_map = _map(search, None)
     remaining_map = _map(search, choice) if choice.fit is not None else first_map
     baseline = _baseline(suspects, evidence.floors)
@@ -483,12 +492,12 @@ def _outcome(
         findings=findings,
         heldout=heldout,
         unexplained=unexplained,
-        not_testable=_not_testable(search, findings),
+        not_testable=_not_testable(search, (*findings, *stuck)),
         detection_limits=detection_limits(search),
         notes=tuple(notes),
         traces=traces_of(search, before, after),
         motions=motions_of(evidence, before, after),
-    )
+    ).with_faults(stuck)
     fit = choice.fit
     known = len(evidence.fitted.values)
     covariance = search.prior.covariance[:known, :known]

@@ -183,9 +183,11 @@ def ljung_box(stretches: Sequence[Floats]) -> tuple[float, float]:
     count = sum(int(np.isfinite(one).sum()) for one in stretches)
     if count <= LAGS or power <= 0.0:
         return 0.0, 1.0
-    products = [sum(float(np.nansum(one[k:] * one[:-k])) for one in stretches) for k in range(1, LAGS + 1)]
-    correlations = np.array(products) / power
-    statistic = count * (count + 2) * float(np.sum(correlations**2 / (count - np.arange(1, LAGS + 1))))
+    products = [[one[k:] * one[:-k] for one in stretches] for k in range(1, LAGS + 1)]
+    correlations = np.array([sum(float(np.nansum(one)) for one in lag) for lag in products]) / power
+    # No pair reaches from one stretch to the next, or across a gap: of one whole stretch there are n - k.
+    pairs = np.array([sum(int(np.isfinite(one).sum()) for one in lag) for lag in products])
+    statistic = count * (count + 2) * float(np.sum(correlations**2 / np.maximum(pairs, 1)))
     return float(np.clip(correlations[0], -1.0, 1.0)), float(chdtrc(LAGS, statistic))
 
 

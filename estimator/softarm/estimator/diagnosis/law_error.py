@@ -29,8 +29,10 @@ def gain_beside_law_errors(problem: MarginalisedProblem, fit: Fit, number: int) 
     """
     others = [k for k in range(len(fit.thetas)) if k != number]
     whole, rest = _changes(problem, fit, range(len(fit.thetas))), _changes(problem, fit, others)
-    errors = [_changes(problem, fit, [k]) for k in others]
-    count = sum(recorded.left.shape[1] for recorded in problem.residuals) * len(others)
+    own_sensor = fit.hypotheses[number].place.sensor
+    erring = [k for k in others if fit.hypotheses[k].place.sensor in (None, own_sensor)]
+    errors = [_changes(problem, fit, [k]) for k in erring]
+    count = sum(recorded.left.shape[1] for recorded in problem.residuals) * len(erring)
     columns, first = [], 2
     for recording, recorded in enumerate(problem.residuals):
         own = np.zeros((recorded.left.size, 2 + count))

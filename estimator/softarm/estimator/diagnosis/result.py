@@ -5,7 +5,7 @@ pascals for the pressures behind the valves. Normalised residuals are divided by
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from softarm.estimator.arrays import Flags, Floats
@@ -413,3 +413,12 @@ class Diagnosis:
     traces: tuple[Trace, ...] = field(default=(), repr=False)
     motions: tuple[Recording, ...] = field(default=(), repr=False)
     seconds: float = 0.0
+
+    def with_faults(self, faults: tuple[Finding, ...]) -> "Diagnosis":
+        """Add what valves and sensors do of themselves to the diagnosis of an arm."""
+        if not faults:
+            return self
+        verdict: Verdict = "explained" if self.verdict == "consistent" else self.verdict
+        if self.verdict == "unexplained":
+            verdict = "partly_explained"
+        return replace(self, verdict=verdict, findings=(*self.findings, *faults))

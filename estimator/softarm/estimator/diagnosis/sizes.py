@@ -22,9 +22,10 @@ coefficients,
 
 where d is what the law of an effect may get wrong of its changes in one channel of one recording
 (``law_error.py``); and, for a discrepancy that lasts for a recording, that of the estimates without one
-recording each (jackknife: Miller, Biometrika 61 (1974) 1). How hard a wall is shows in how far it yields, a
-small part of what the arm would otherwise go into it, and so does what the law of the contact leaves out:
-the deviations of walls and cords grow with the variance of what is left (Birge, Phys. Rev. 40 (1932) 207).
+recording each, or without a fifth of one where there are few (jackknife: Miller, Biometrika 61 (1974) 1). How
+hard a wall is shows in how far it yields, a small part of what the arm would otherwise go into it, and so
+does what the law of the contact leaves out: the deviations of walls and cords grow with the variance of what
+is left (Birge, Phys. Rev. 40 (1932) 207).
 The inverse of the covariance is the precision that the recordings give, to which the prior's is added
 (Godambe, Ann. Math. Stat. 31 (1960) 1208): no shape is less certain than its prior.
 """
@@ -65,8 +66,8 @@ DECIDES = 50.0
 Of 14 weaker effects that acted in trials of two simulators 13 gained 58 and more; of 7 that did not 5 gained
 43 and less, and two, creep beside a law of softening that errs less now, 66 and more.
 """
-SPANS = 5
-"""Parts of a single recording that are left out in turn."""
+FEW, SPANS = 5, 5
+"""Recordings below which they are few, and the spans of each that are then left out in turn."""
 
 
 @dataclass(frozen=True)
@@ -121,7 +122,7 @@ def sized(search: Search, fit: Fit) -> Fit:
         part
         for recorded, slope, change, common in zip(residuals, slopes, left, columns, strict=True)
         for part in _parts(
-            recorded, slope, recorded.left.ravel() - change[:, 0], common, whole=len(residuals) >= SPANS
+            recorded, slope, recorded.left.ravel() - change[:, 0], common, whole=len(residuals) >= FEW
         )
     ]
     prior = 1.0 / parametrisation.spreads**2

@@ -52,5 +52,5 @@ def _trace(search: Search, before: Floats, after: Floats, number: int, row: int)
         reading[thin],
         (reading - before[:, row])[thin],
         (reading - after[:, row])[thin],
-        session.heldout[thin],
+        session.reported[thin],
     )

@@ -233,7 +233,10 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
     """
     stated = () if fit is None else tuple(h.place for h in fit.hypotheses if h.name in LAWS_OF_BEND)
     smooth = search.evidence.has_nominal and fit is not None
+    nearest = () if fit is None else tuple(fit.hypotheses)
     of_each_size = likeliest_law(search, smooth=smooth, stated=stated)
+    if not of_each_size:
+        return UnnamedLaw(0.0, 0.0, 0.0, nearest, Place(), "")
     shown = of_each_size[0]
     law = shown.law
     nothing = _log_densities(shown.without(), shown.known, shown.known)
@@ -251,7 +254,6 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         plainer = 0.5 * alike_within(gain) / len(nothing)
         densities.append(OWN_PART * effects + (1.0 - OWN_PART) * both + plainer)
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
-    nearest = () if fit is None else tuple(fit.hypotheses)
     return UnnamedLaw(gain, named_gain, probability, nearest, law.place, law.regime)
 
 
@@ -302,6 +304,9 @@ def likeliest_law(search: Search, *, smooth: bool, stated: Sequence[Place] = ())
         smooth: Whether it may be any smooth law. What a model gets wrong of an arm that is well is one too:
             alone, or where no nominal recording shows that arm, it is no sign that something is missing.
         stated: Places of accepted effects of ``LAWS_OF_BEND``.
+
+    Returns:
+        The law with each of its sizes; empty where every law is stated.
     """
 
     def likelihood(shown: LawEvidence) -> float:
@@ -312,7 +317,7 @@ def likeliest_law(search: Search, *, smooth: bool, stated: Sequence[Place] = ())
         for law in laws(search, smooth=smooth)
         if law.regime != BEND or not ({Place(), law.place} & set(stated))
     ]
-    return max(tried, key=lambda of_each_size: likelihood(of_each_size[0]))
+    return max(tried, key=lambda of_each_size: likelihood(of_each_size[0]), default=[])
 
 
 def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:

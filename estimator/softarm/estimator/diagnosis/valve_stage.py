@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.special import stdtr
 
 from softarm.estimator.arrays import Floats
+from softarm.estimator.diagnosis.judge import bootstrap
 from softarm.estimator.diagnosis.result import (
     ChannelError,
     Evidence,
@@ -38,6 +39,8 @@ NAMED = 0.99
 """Probability over all valves from which a change is reported: at most 1 of 100 names is false."""
 CEILING_STD = 100.0
 """Standard deviation of a pressure that is not passed [Pa]."""
+LEAST_STD = 20.0
+"""Least standard deviation of a steady error [Pa]: few holds may by chance scatter less."""
 RESOLUTION = 30.0
 """Noise below which no pressure is believed [Pa]."""
 LEAST_BIC = 10.0
@@ -54,16 +57,16 @@ SCATTER, BETWEEN_HOLDS, WORTH = 200.0, 100.0, 3
 
 @dataclass(frozen=True)
 class Split:
-    """A valve's law from one part of a recording, judged on the other.
+    """A valve's law, and what it predicts of one part of a recording if it is learnt from the other.
 
     Args:
         recording: Its name.
-        valve: The law from the first part.
-        time: Of the second part [s], shape (samples,).
+        valve: The law from the whole recording, which is reported.
+        time: Of the whole recording [s], shape (samples,).
         setpoint: Set-points [Pa], shape (samples,).
         measured: Measured pressures [Pa], shape (samples,).
-        predicted: What the law gives [Pa], shape (samples,).
-        heldout: Samples that the law has not seen, shape (samples,).
+        predicted: What the law from the first part gives [Pa], shape (samples,).
+        heldout: Samples that this law has not seen, shape (samples,).
     """
 
     recording: str
@@ -115,6 +118,8 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
             if not np.isfinite(setpoint[time > middle] + measured[time > middle]).any():
                 continue
             learnt = {valve.chamber: valve for valve in valves_of(half, met)}
+            if chamber not in learnt:  # too few readings
+                continue
             observed = np.isfinite(setpoint) & np.isfinite(measured)
             splits.append(
                 Split(
@@ -123,7 +128,7 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
                     time[observed],
                     setpoint[observed],
                     measured[observed],
-                    predict(learnt.get(chamber, whole), time[observed], setpoint[observed]),
+                    predict(learnt[chamber], time[observed], setpoint[observed]),
                     time[observed] > middle,
                 )
             )
@@ -150,7 +155,7 @@ def _middle(recording: Recording, chamber: int) -> float:
 
 
 def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[Finding, ...]:
-    """Report what the valves do otherwise; those that nominal recordings leave out are not judged."""
+    """Report what the valves do otherwise; of those that nominal recordings leave out, a ceiling alone."""
     findings: list[Finding] = []
     scatter = _scatter(_offsets, SCATTER, [suspects, nominal])
     between_holds = _between_holds([*suspects, *nominal])
@@ -164,6 +169,7 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
             continue
         if 2.0 * evidence.log_bayes_factor >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
             findings += _steady(chamber, splits, references, scatter, between_holds, evidence, len(chambers))
+            findings += _gain(chamber, splits, references, scatter, between_holds, evidence, len(chambers))
             findings += _delays(chamber, splits, references, jitter, evidence, len(chambers))
     return tuple(findings)
 
@@ -250,15 +256,14 @@ def _steady(
     if not ours or (references and not theirs):
         return []
     change = float(np.mean(ours)) - (float(np.mean(theirs)) if theirs else 0.0)
-    within = max(between_holds, *(split.valve.law.bias_std for split in splits)) / np.sqrt(len(ours))
-    between = scatter * np.sqrt(1.0 / len(ours) + 1.0 / len(theirs)) if theirs else 0.0
-    spread = max(float(np.hypot(within, between)), 20.0)
+    within = max(between_holds, *(split.valve.law.bias_std for split in splits))
+    spread = _spread(within, scatter, len(ours), len(theirs))
 
     def surely(size: float) -> float:
         return _probability(abs(size), spread, len(ours) + len(theirs), valves)
 
     # What is read when vented as well is an offset of the sensor and no property of the valve.
-    vented = _vented(splits) - _vented(references)
+    vented = _vented_change(splits, references)
     offset, opened = (
         size if abs(size) > LEAST_BIAS and surely(size) >= NAMED else 0.0
         for size in (vented, change - vented)
@@ -292,6 +297,33 @@ def _steady(
     return findings
 
 
+def _gain(
+    chamber: int,
+    splits: Sequence[Split],
+    references: Sequence[Split],
+    scatter: float,
+    between_holds: float,
+    evidence: Evidence,
+    valves: int,
+) -> list[Finding]:
+    """Report an error that grows with the set-point, by what it amounts to at the highest set-point."""
+    ours, theirs = _gains(splits), _gains(references)
+    if not ours or (references and not theirs):
+        return []
+    change = (1.0 + float(np.mean(ours))) / (1.0 + (float(np.mean(theirs)) if theirs else 0.0)) - 1.0
+    highest = max(float(split.setpoint.max()) for split in splits)
+    within = max(between_holds, *(split.valve.law.gain_std * highest for split in splits))
+    spread = _spread(within, scatter, len(ours), len(theirs))
+    error = abs(change) * highest
+    sure = _probability(error, spread, len(ours) + len(theirs), valves)
+    if error <= LEAST_BIAS or sure < NAMED:
+        return []
+    words = f"The pressure in chamber {chamber} is {1.0 + change:.2f} times "
+    words += "what it was in nominal recordings." if theirs else "its set-point."
+    quantity = {"gain": Quantity(change, spread / highest, "1")}
+    return [_finding("chamber_gain", chamber, words, quantity, sure, evidence, "pressure level")]
+
+
 def _deadband(
     chamber: int, band: float, std: float, probability: float, evidence: Evidence, *, seen: bool
 ) -> Finding:
@@ -319,10 +351,17 @@ def _alike(effect: EffectName, chamber: int, log_bayes_factor: float) -> Rival:
     return Rival(effect, Place(chamber=chamber), "a staircase of small pressures", float(log_bayes_factor))
 
 
-def _vented(splits: Sequence[Split]) -> float:
-    """Return what is read while valves are shut, over recordings in which they were [Pa]; 0 without these."""
-    read = [split.valve.law.vented for split in splits if split.valve.law.vents]
-    return float(np.mean(read)) if read else 0.0
+def _vented_change(splits: Sequence[Split], references: Sequence[Split]) -> float:
+    """Return what is read while valves are shut, over the same in nominal recordings, if there are any [Pa].
+
+    It is 0 where either never shut them: what nobody saw has not changed.
+    """
+    read, before = (
+        [split.valve.law.vented for split in group if split.valve.law.vents] for group in (splits, references)
+    )
+    if not read or (references and not before):
+        return 0.0
+    return float(np.mean(read)) - (float(np.mean(before)) if before else 0.0)
 
 
 def _delays(
@@ -340,7 +379,8 @@ def _delays(
     dead, lag = (float(np.mean(values)) for values in _times(splits))
     dead_before, lag_before = (float(np.mean(values)) if references else 0.0 for values in _times(references))
     late, slower = dead - dead_before, lag - lag_before
-    spread = jitter * float(np.sqrt(1.0 / len(splits) + (1.0 / len(references) if references else 0.0)))
+    recordings = 1.0 / len(splits) + (1.0 / len(references) if references else 0.0)
+    spread = jitter * float(np.sqrt(recordings))
     sure = _probability(late + slower, spread, len(splits) + len(references), valves)
     if late + slower <= LEAST_DELAY or sure < NAMED:
         return []
@@ -355,6 +395,20 @@ def _delays(
         for name, value in (("lag", slower), ("dead_time", late))
     }
     return [_finding("line_lag", chamber, words, quantities, sure, evidence, "time since a change")]
+
+
+def _spread(within: float, between: float, suspects: int, nominal: int) -> float:
+    """Return how far the change of a steady error is uncertain [Pa].
+
+    Args:
+        within: Scatter between the holds of a recording.
+        between: Scatter between recordings of one state.
+        suspects: Number of recordings in question.
+        nominal: Number of nominal recordings; without any, the error itself is asked for.
+    """
+    own = within / np.sqrt(suspects)
+    other = between * np.sqrt(1.0 / suspects + 1.0 / nominal) if nominal else 0.0
+    return max(float(np.hypot(own, other)), LEAST_STD)
 
 
 def _probability(size: float, spread: float, recordings: int, valves: int = 1) -> float:
@@ -381,6 +435,11 @@ def _offsets(splits: Sequence[Split]) -> list[float]:
     return [law.bias - (1.0 + law.gain) * law.deadband for law in laws]
 
 
+def _gains(splits: Sequence[Split]) -> list[float]:
+    """Return the errors over the set-point of valves whose holds determine them."""
+    return [split.valve.law.gain for split in splits if split.valve.law.gain_std]
+
+
 def _timing_std(timings: Sequence[Timing]) -> float:
     """Return the standard deviation of the mean dead time, or lag, over recordings [s]."""
     squares = sum(timing.std**2 for timing in timings)
@@ -403,19 +462,24 @@ def channel_error(pairs: Floats) -> ChannelError:
     return ChannelError("Pa", before, after)
 
 
+def gain_interval(splits: Sequence[Split]) -> tuple[float, float]:
+    """Return the 95 % interval of 1 - after / before over recordings and valves; none of a single one."""
+    if len(splits) < 2:
+        return 0.0, 0.0
+    squares = np.array([(np.array(split.errors()) / split.floor) ** 2 for split in splits])
+    return bootstrap(np.random.default_rng(0), squares[:, 0], squares[:, 1])
+
+
 def _evidence(splits: Sequence[Split]) -> Evidence:
     pairs = np.array([split.errors() for split in splits])
     noise = np.array([split.floor for split in splits])
     before, after = (float(np.sqrt(np.mean((column / noise) ** 2))) for column in pairs.T)
-    gains = 1.0 - pairs[:, 1] / np.maximum(pairs[:, 0], 1e-9)
-    count = sum(int(split.heldout.sum()) for split in splits)
     # Samples of a valve's answer repeat the same information for about its settling time.
-    effective = max(count / 50.0, 2.0)
+    effective = max(sum(split.unseen_seconds for split in splits) / SETTLED, 2.0)
     gain = effective * (before**2 - after**2) / max(after**2, 1.0)
-    low, high = (float(gains.min()), float(gains.max())) if len(gains) > 1 else (float(gains[0]),) * 2
     channel = {f"pressure_{splits[0].valve.chamber}": channel_error(pairs)}
     log_bayes_factor = gain / 2.0 - 2.0 * np.log(effective)
-    return Evidence(log_bayes_factor, before, after, (low, high), float("nan"), channel)
+    return Evidence(log_bayes_factor, before, after, gain_interval(splits), float("nan"), channel)
 
 
 def _finding(

@@ -1,7 +1,6 @@
 """The verdict on recordings of valves: what is found, and what the law of a valve leaves."""
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -19,7 +18,7 @@ from softarm.estimator.diagnosis.result import (
     Unexplained,
     Verdict,
 )
-from softarm.estimator.diagnosis.valve_stage import NAMED, Split, channel_error, of_chamber
+from softarm.estimator.diagnosis.valve_stage import NAMED, Split, channel_error, gain_interval, of_chamber
 from softarm.estimator.diagnosis.valves import SETTLED
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen.physics import Place
@@ -27,20 +26,10 @@ from softarm.estimator.specimen.physics import Place
 LEFT_OVER = 5.0
 """Root mean square over the noise from which something beyond the law is left, such as overshoot."""
 NEEDED = (
-    "while one is open, more than 50 readings of its set-point and pressure together are needed, some of "
-    "them in the second half"
+    "more than 50 readings of a set-point and its pressure together are needed up to the middle of the time "
+    "in which the valve is open, and some after it"
 )
 """What it takes to learn a valve's law and to judge it."""
-
-
-def with_valves(diagnosis: Diagnosis, faults: tuple[Finding, ...]) -> Diagnosis:
-    """Add what the valves do to the diagnosis of an arm; measured pressures already hold it."""
-    if not faults:
-        return diagnosis
-    verdict: Verdict = diagnosis.verdict if diagnosis.verdict != "consistent" else "explained"
-    if diagnosis.verdict == "unexplained":
-        verdict = "partly_explained"
-    return replace(diagnosis, verdict=verdict, findings=(*diagnosis.findings, *faults))
 
 
 def not_compared(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[str, ...]:
@@ -209,11 +198,10 @@ def valve_diagnosis(
     errors = np.array([split.errors() for split in splits])
     floors = np.array([split.floor for split in splits])
     before, after = (float(np.sqrt(np.mean((column / floors) ** 2))) for column in errors.T)
-    gains = 1.0 - errors[:, 1] / np.maximum(errors[:, 0], 1e-9)
     heldout = Heldout(
         before,
         after,
-        (float(gains.min()), float(gains.max())),
+        gain_interval(splits),
         "each valve's law is learnt from the first half of its activity and judged on the second",
         {
             name: channel_error(errors[[f"pressure_{split.valve.chamber}" == name for split in splits]])

@@ -56,7 +56,8 @@ class ValveLaw(NamedTuple):
         holds: How often a set-point below the ceiling was held for long enough to show what it settles at.
         bias: Steady error while open [Pa].
         bias_std: Standard deviation of that between holds [Pa]; 0 where there were less than two.
-        gain: Relative error that grows with the set-point.
+        gain: Error that grows with the set-point, over the set-point.
+        gain_std: Standard deviation of that; 0 where the holds do not determine it.
         deadband: Set-point up to which nothing comes [Pa].
         ceiling: Pressure that is not passed however much is asked.
         vented: Pressure that is read while the set-point is zero [Pa]; 0 where it was never held.
@@ -67,6 +68,7 @@ class ValveLaw(NamedTuple):
     bias: float = 0.0
     bias_std: float = 0.0
     gain: float = 0.0
+    gain_std: float = 0.0
     deadband: float = 0.0
     ceiling: Ceiling = Ceiling()
     vented: float = 0.0
@@ -237,14 +239,15 @@ def _static_law(level: Floats, pressure: Floats, ceiling: Ceiling) -> ValveLaw:
     error = pressure[below] - level[below]
     if not len(error):
         return ValveLaw(deadband=deadband, ceiling=ceiling, vented=vented, vents=vents)
-    gain = 0.0
+    gain, gain_std = 0.0, 0.0
     if len(error) >= 4 and np.ptp(level[below]) > 10e3:
-        gain = float(np.polyfit(level[below], error, 1)[0])
+        coefficients, covariance = np.polyfit(level[below], error, 1, cov=True)
+        gain, gain_std = float(coefficients[0]), float(np.sqrt(covariance[0, 0]))
         gain = gain if abs(gain) > 0.01 else 0.0
     residual = error - gain * level[below]
     spread = float(np.std(residual, ddof=1)) if len(residual) > 1 else 0.0
     bias = float(np.median(residual)) + (1.0 + gain) * deadband
-    return ValveLaw(len(residual), bias, spread, gain, deadband, ceiling, vented, vents)
+    return ValveLaw(len(residual), bias, spread, gain, gain_std, deadband, ceiling, vented, vents)
 
 
 def _ceiling(level: Floats, pressure: Floats) -> Ceiling:

@@ -99,7 +99,7 @@ def fit_vibration(stages: Sequence[Stage], masses: Masses) -> tuple[Vibration | 
         residuals, START, bounds=(LOWER, UPPER), diff_step=1e-2, x_scale=(0.2, 1.0, 0.01, 0.02)
     )
     before, after = float(sum(one @ one for one in still)), float(solution.fun @ solution.fun)
-    if after > (1.0 - LEAST_GAIN) * before:
+    if after >= (1.0 - LEAST_GAIN) * before:
         return None, notes
     logarithm, a, b, delay = solution.x.tolist()
     mass = float(np.exp(logarithm))

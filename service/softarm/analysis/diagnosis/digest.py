@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from hashlib import sha256
 from pathlib import Path
 
-from softarm import estimator
+from softarm import estimator, recordings
 from softarm.analysis.diagnosis.report import FILE, Report, read_report
 from softarm.analysis.diagnosis.run import DiagnosisRequest
+from softarm.common import rods
 from softarm.estimator.errors import InputError
 from softarm.estimator.files import write_whole
 from softarm.recordings.info import sidecar
@@ -79,6 +80,7 @@ def _files_of(recording: Path) -> list[Path]:
 
 
 def _sources() -> Iterator[Path]:
-    """List the source files on which a diagnosis depends."""
-    yield from sorted(Path(estimator.__path__[0]).rglob("*.py"))
-    yield from sorted(path for path in Path(__file__).parent.iterdir() if path.is_file())
+    """List the files of the program on which a diagnosis depends, shipped rods and specimens among them."""
+    yield Path(rods.__file__)
+    for folder in (Path(estimator.__path__[0]), Path(recordings.__path__[0]), Path(__file__).parents[1]):
+        yield from sorted(path for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc")
