@@ -22,6 +22,11 @@ from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.simulation import Drive
 
+Label = tuple[CellKind, str, str, str, Regime]
+"""Sort of place, which one, axis, unit, and what the load or offset varies with."""
+Products = tuple[Floats, Floats, Floats]
+"""Of cells with the common columns, with one another and with the residual."""
+
 COUPLES = ("x", "y", "z", "axial")
 COUPLE_UNITS = ("N m", "N m", "N m", "N")
 MEMORY = 3.0
@@ -67,17 +72,16 @@ def locate(
         prior: Of the common coefficients, which stay free.
         rng: Of the draws without mismatch.
     """
-    labels: list[tuple[CellKind, str, str, str, Regime]] = []
-    parts: list[tuple[Floats, Floats, Floats]] = []
+    found: list[tuple[list[Label], Products]] = []
     for number, stage in enumerate(evidence.stages):
-        if stage.session.nominal or stage.session.heldout.all():
-            continue
-        names, columns = cells_of(stage)
-        labels = labels or names
-        if names == labels:
-            parts.append(_cross(evidence, weights, number, residuals[number], columns))
-    if not parts:
+        if not stage.session.nominal and not stage.session.heldout.all():
+            names, columns = cells_of(stage)
+            found.append((names, _cross(evidence, weights, number, residuals[number], columns)))
+    if not found:
         return LocationMap()
+    # A recording has no cells of the sensors that only others have.
+    labels = list(dict.fromkeys(name for names, _ in found for name in names))
+    parts = [_placed(own, [labels.index(name) for name in names], len(labels)) for names, own in found]
     searched = [p for p in evidence.products(weights, residuals) if not p.nominal and not p.heldout]
     data = total(searched, evidence.size)
     marginal = Marginal.of(*_joined(prior, data, parts), weights.effective_sample_fraction)
@@ -103,7 +107,7 @@ def locate(
     return LocationMap(tuple(sorted(cells, key=lambda cell: -cell.share)))
 
 
-def cells_of(stage: Stage) -> tuple[list[tuple[CellKind, str, str, str, Regime]], NDArray[np.float32]]:
+def cells_of(stage: Stage) -> tuple[list[Label], NDArray[np.float32]]:
     """List the cells of a session and their columns, shape (samples, rows, cells)."""
     spots, varied = spotted(stage), regimes(stage)
     names = [(spot.kind, spot.name, spot.axis, spot.unit, regime) for spot in spots for regime in varied]
@@ -120,7 +124,7 @@ def _cross(
     number: int,
     residual: Floats,
     columns: NDArray[np.float32],
-) -> tuple[Floats, Floats, Floats]:
+) -> Products:
     """Multiply cells with common columns, with one another and with the residual of a session."""
     stage = evidence.stages[number]
     observed = np.isfinite(residual) & ~stage.session.heldout[:, None]
@@ -135,9 +139,14 @@ def _cross(
     )
 
 
-def _joined(
-    prior: Gaussian, data: Total, parts: Sequence[tuple[Floats, Floats, Floats]]
-) -> tuple[Gaussian, Total]:
+def _placed(own: Products, places: Sequence[int], count: int) -> Products:
+    """Put the products of some cells at their places among all."""
+    cross, square, pull = np.zeros((len(own[0]), count)), np.zeros((count, count)), np.zeros(count)
+    cross[:, places], square[np.ix_(places, places)], pull[places] = own
+    return cross, square, pull
+
+
+def _joined(prior: Gaussian, data: Total, parts: Sequence[Products]) -> tuple[Gaussian, Total]:
     """Put cells beside the common columns; the prior mean of cells is zero."""
     count = len(prior.mean)
     cross, square, pull = (np.sum([part[k] for part in parts], axis=0) for k in range(3))

@@ -13,7 +13,7 @@ from softarm.estimator.recording import Recording
 from softarm.estimator.specimen.physics import EffectName, Place
 
 Verdict = Literal["consistent", "explained", "partly_explained", "unexplained"]
-CellKind = Literal["segment", "chamber", "section", "sensor", "base"]
+CellKind = Literal["segment", "chamber", "sensor", "base"]
 Regime = Literal[
     "constant",
     "pressure level",
@@ -49,7 +49,7 @@ class Cell:
 
     Args:
         kind: Sort of place.
-        name: Segment, section or sensor, or the chamber's index as text; ``base`` for the base.
+        name: Segment or sensor, or the chamber's index as text; ``base`` for the base.
         axis: ``x``, ``y`` (bending), ``z`` (torsion), ``axial``, ``pressure``, or the sensor's channel.
         regime: What the equivalent load varies with.
         amplitude: Root mean square of the equivalent load or offset that would remove it, in ``unit``.

@@ -9,7 +9,7 @@ from scipy.special import expit
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.diagnosis.result import Evidence, Finding, Quantity
 from softarm.estimator.diagnosis.session import Session
-from softarm.estimator.diagnosis.stage import Stage
+from softarm.estimator.diagnosis.stage import LEVER, Stage
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.recording import Recording
 from softarm.estimator.series import runs
@@ -29,7 +29,7 @@ ASKED = 5000.0
 """Change of a set-point [Pa] during which a pressure must not read the same throughout."""
 REPEATED = 1e-9
 """Readings that differ by less [m, rad] are one number, averaged."""
-RESOLUTION = 30.0
+SETPOINT_STD = 30.0
 """Error of a set-point [Pa] that stands in for a pressure sensor."""
 
 
@@ -43,7 +43,7 @@ class Stuck:
         since: Time of the recording [s].
         until: Time of the recording [s].
         before: Root mean square of its error against the model [rad, or m over ``LEVER``]; of a pressure
-            that of the set-point, over ``RESOLUTION``.
+            that of the set-point, over ``SETPOINT_STD``.
         after: The same of its motion, which is what a held reading leaves.
         samples: Number of samples.
     """
@@ -55,9 +55,6 @@ class Stuck:
     before: float
     after: float
     samples: int
-
-
-LEVER = 0.1
 
 
 def stuck_pressures(recording: Recording) -> tuple[Stuck, ...]:
@@ -83,7 +80,7 @@ def stuck_pressures(recording: Recording) -> tuple[Stuck, ...]:
             error = float(np.sqrt(np.mean((setpoint[part] - measured[part]) ** 2)))
             span = float(time[part[0]]), float(time[part[-1]])
             stuck.append(
-                Stuck(recording.name, f"pressure_{chamber}", *span, error / RESOLUTION, 1.0, len(part))
+                Stuck(recording.name, f"pressure_{chamber}", *span, error / SETPOINT_STD, 1.0, len(part))
             )
     return tuple(stuck)
 

@@ -186,11 +186,9 @@ def draw_arm(specimen: Specimen, shares: Shares) -> Figure:
             _box(axes, corner, (0.8 * wide, 0.44 * length), part)
             axes.text(-thick + (number + 0.5) * wide, middle, str(index), ha="center", va="center")
     for section in specimen.sections:
-        share = shares.get(("section", section.name), 0.0)
         length = max(section.to_m - section.from_m, 0.015 * end)
-        _box(axes, (-1.2 * thick, section.from_m), (2.4 * thick, length), share)
-        words = f"{section.name} {_percent(share)}"
-        axes.text(1.5 * thick, section.from_m + 0.5 * length, words, ha="left", va="center")
+        _box(axes, (-1.2 * thick, section.from_m), (2.4 * thick, length), 0.0)
+        axes.text(1.5 * thick, section.from_m + 0.5 * length, section.name, ha="left", va="center")
     sensors = sorted((share, name) for (kind, name), share in shares.items() if kind == "sensor")[::-1]
     for number, (share, name) in enumerate(sensors[:4]):
         y = (1.06 + 0.05 * number) * end
