@@ -12,15 +12,13 @@ from softarm.estimator.diagnosis.nuisances import calibrate_sessions
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.stuck import (
-    LEAST,
     MOVING,
     find_stuck,
     stuck_findings,
-    stuck_pressures,
-    without_pressures,
     without_repeated,
     without_stuck,
 )
+from softarm.estimator.intake.stuck_pressures import LEAST, stuck_pressures, without_pressures
 from softarm.estimator.recording import Recording
 from tests.estimator.diagnosis.linear_arm import model, session
 

@@ -8,8 +8,9 @@ import pytest
 from softarm.estimator.diagnosis.nuisances import calibrate_sessions
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
-from softarm.estimator.diagnosis.swapped import refuse_swapped, refuse_swapped_channels
+from softarm.estimator.diagnosis.swapped import refuse_swapped
 from softarm.estimator.errors import InputError
+from softarm.estimator.intake.swapped import refuse_swapped_channels
 from softarm.estimator.recording import Recording
 from softarm.estimator.sensing import SensorSuite
 from softarm.estimator.specimen import load_specimen

@@ -51,7 +51,6 @@ from softarm.estimator.diagnosis.sizes import without_fragments
 from softarm.estimator.diagnosis.split import excitation, hold_out
 from softarm.estimator.diagnosis.stage import Model, Stage
 from softarm.estimator.diagnosis.stuck import (
-    Stuck,
     find_stuck,
     stuck_findings,
     stuck_notes,
@@ -69,6 +68,7 @@ from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake import Disturbance
+from softarm.estimator.intake.stuck_pressures import Stuck
 from softarm.estimator.simulation.inertia import Masses
 from softarm.estimator.specimen.physics import EffectName, Place
 

@@ -3,8 +3,6 @@
 from collections.abc import Callable
 from pathlib import Path
 
-from softarm.estimator.diagnosis.stuck import stuck_pressures, without_pressures
-from softarm.estimator.diagnosis.swapped import refuse_swapped_channels
 from softarm.estimator.errors import InputError
 from softarm.estimator.intake.bodies import correct_places
 from softarm.estimator.intake.clocks import correct_clocks
@@ -19,6 +17,8 @@ from softarm.estimator.intake.result import Intake, RecordingFault, without_moti
 from softarm.estimator.intake.sections import correct_bends, correct_sections
 from softarm.estimator.intake.signs import correct_signs
 from softarm.estimator.intake.stuck import correct_stuck
+from softarm.estimator.intake.stuck_pressures import stuck_pressures, without_pressures
+from softarm.estimator.intake.swapped import refuse_swapped_channels
 from softarm.estimator.intake.time_axis import correct_time
 from softarm.estimator.intake.units import correct_units
 from softarm.estimator.recording import Recording

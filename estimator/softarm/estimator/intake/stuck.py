@@ -17,13 +17,13 @@ from itertools import combinations
 import numpy as np
 
 from softarm.estimator.arrays import Floats, Indices
-from softarm.estimator.diagnosis.stuck import ASKED, LEAST, REPEATED
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.intake.bodies import rigid_bodies
 from softarm.estimator.intake.grid import pressures_of, pushes_of
 from softarm.estimator.intake.labels import MISFIT, PLACED
 from softarm.estimator.intake.result import RecordingFault
 from softarm.estimator.intake.streams import QUIET, SPREAD, SampledStream, streams_of
+from softarm.estimator.intake.stuck_pressures import ASKED, LEAST, REPEATED
 from softarm.estimator.recording import MARKER_SUFFIXES, Recording
 from softarm.estimator.series import delayed, runs, window_means
 from softarm.estimator.specimen import Specimen

@@ -31,7 +31,7 @@ from softarm.estimator.diagnosis.prepare import LEAST_BLOCKS, averaged, blocks_o
 from softarm.estimator.diagnosis.release import find_release
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Model
-from softarm.estimator.diagnosis.stuck import stuck_findings, stuck_notes, stuck_pressures, without_pressures
+from softarm.estimator.diagnosis.stuck import stuck_findings, stuck_notes
 from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
 from softarm.estimator.diagnosis.valve_verdict import (
     not_compared,
@@ -42,6 +42,7 @@ from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.accepted import physics_entry
 from softarm.estimator.errors import InputError, suggest
 from softarm.estimator.intake import Intake
+from softarm.estimator.intake.stuck_pressures import stuck_pressures, without_pressures
 from softarm.estimator.recording import Recording
 from softarm.estimator.rod import CalibratedRod, FittedRod, adapted
 from softarm.estimator.sensing import Bend
