@@ -99,8 +99,8 @@ def test_a_pipe_gets_a_line_every_ten_seconds_with_the_time_left(capsys: pytest.
         now[0] += 1.0
         lines.advance(1.0)
     told = capsys.readouterr().err.splitlines()
-    assert told[0] == "calibrating arm: 10 % after 10 s, at most about 90 s left"
-    assert told[-1] == "calibrating arm: 40 % after 40 s, at most about 60 s left"
+    assert told[0] == "calibrating arm: 10 % after 10 s, about 90 s left at this pace"
+    assert told[-1] == "calibrating arm: 40 % after 40 s, about 60 s left at this pace"
     assert len(told) == 4
 
 
@@ -120,7 +120,7 @@ def test_the_first_step_which_compiles_does_not_count_towards_the_time_left() ->
         now[0] += seconds
         pace.advance(1.0)
         shown.append(pace.left)
-    assert shown == ["", "", "at most about 97 s left"]
+    assert shown == ["", "", "about 97 s left at this pace"]
 
 
 def test_quick_work_on_a_pipe_says_nothing(capsys: pytest.CaptureFixture[str]) -> None:

@@ -131,6 +131,7 @@ def command(
     from softarm.analysis.diagnosis.digest import (
         digest_of,
         report_up_to_date,
+        require_free_folder,
         specimen_up_to_date,
         write_digest,
         write_report,
@@ -158,6 +159,8 @@ def command(
         words = f"{earlier.specimen}: {earlier.verdict.replace('_', ' ')}.\nReport: {out / HTML}"
         click.echo(earlier.dump() if as_json else words, nl=not as_json)
         return 0
+    if out is not None:
+        require_free_folder(out, request, force=force)
     if write_specimen is not None:
         require_free_specimen(write_specimen, force=force)
     assumed: list[str] = []

@@ -155,13 +155,13 @@ class Pace:
 
     @property
     def left(self) -> str:
-        """At most how much time is left, empty while that is unknown."""
+        """How much time is left if all steps are needed and take as long as so far; empty while unknown."""
         if not self._total or self._first is None:
             return ""
         done, since_s = self._done - self._first[0], self._now_s - self._first[1]
         if done < LEAST_SHARE * self._total:
             return ""
-        return f"at most about {since_s * max(self._total - self._done, 0.0) / done:.0f} s left"
+        return f"about {since_s * max(self._total - self._done, 0.0) / done:.0f} s left at this pace"
 
 
 class ProgressLines:

@@ -55,6 +55,19 @@ def test_the_one_stretch_that_is_left_of_a_recording_is_reported(sessions: list[
     assert split.heldout.tolist() == split.reported.tolist()
 
 
+def test_of_those_held_out_the_one_that_drives_most_chambers_is_reported(sessions: list[Session]) -> None:
+    """An effect on a chamber that is vented throughout would show nothing in what is reported."""
+    runs = [session(f"run_{k}", k) for k in range(1, 13)]
+    whole = [one for one in hold_out(runs, LIMITS)[0] if one.heldout.all()]
+    assert len(whole) == 2
+    assert [one.name for one in whole if one.reported.all()] == [whole[-1].name]
+    vented = whole[-1].pressures * [1.0, 1.0, 0.0, 1.0, 1.0, 1.0]
+    runs = [replace(one, pressures=vented) if one.name == whole[-1].name else one for one in runs]
+    split, how = hold_out(runs, LIMITS)
+    assert [one.name for one in split if one.reported.all()] == [whole[0].name]
+    assert whole[0].name in how
+
+
 def test_the_only_recording_of_a_kind_is_not_held_out(sessions: list[Session]) -> None:
     sideways, down = (
         np.broadcast_to(g, sessions[2].gravity.shape) for g in ([9.81, 0.0, 0.0], [0.0, 0.0, 9.81])

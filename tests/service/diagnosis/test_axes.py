@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis import run
-from softarm.estimator.calibration import CalibrationRefusedError, MotionNotPredictedError
+from softarm.estimator.calibration import CalibrationRefusedError, MotionNotPredictedError, NotImprovedError
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.specimen import load_specimen
@@ -30,6 +30,14 @@ def test_recordings_whose_motion_no_axes_predict_are_refused(monkeypatch):
     refusal = MotionNotPredictedError("calibration", "the model errs by 24 degrees", "look again")
     with pytest.raises(InputError, match=r"turned: however .* lie, the model errs by 24 degrees; check"):
         with_refusal(monkeypatch, refusal)
+
+
+def test_axes_are_found_alone_where_nothing_else_is_calibrated(monkeypatch):
+    turned = load_specimen("single_segment")
+    monkeypatch.setattr(run, "with_bend_axes", lambda *_: turned)
+    specimen, words = with_refusal(monkeypatch, NotImprovedError("calibration", "the error grows", "go on"))
+    assert specimen is turned
+    assert words.endswith("nothing else was calibrated so, since the error grows.")
 
 
 def test_axes_stay_as_described_where_too_little_moves(monkeypatch):

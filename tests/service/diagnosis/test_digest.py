@@ -8,12 +8,14 @@ import pytest
 from softarm.analysis.diagnosis.digest import (
     digest_of,
     report_up_to_date,
+    require_free_folder,
     specimen_up_to_date,
     write_digest,
     write_report,
 )
 from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.run import DiagnosisRequest
+from softarm.estimator.errors import InputError
 from softarm.estimator.specimen import load_specimen
 from tests.service.diagnosis.made_diagnosis import diagnosis
 
@@ -42,6 +44,22 @@ def test_the_same_diagnosis_is_known_again(request_of: DiagnosisRequest, tmp_pat
     assert report_up_to_date(out, digest) is None
     (out / "report.json").unlink()
     assert report_up_to_date(out, digest) is None
+
+
+def test_the_diagnosis_of_other_recordings_is_not_replaced(
+    request_of: DiagnosisRequest, tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    require_free_folder(out, request_of, force=False)
+    write_report(report_of(replace(diagnosis(), recordings=("run",))), out)
+    require_free_folder(out, request_of, force=False)  # the same recordings, with another program perhaps
+    write_report(report_of(replace(diagnosis(), recordings=("other",))), out)
+    require_free_folder(out, request_of, force=True)
+    with pytest.raises(InputError, match=r"holds the diagnosis of other; choose another --out"):
+        require_free_folder(out, request_of, force=False)
+    blocked = tmp_path / "run" / "recording.csv" / "out"
+    with pytest.raises(InputError, match="cannot be made"):
+        require_free_folder(blocked, request_of, force=False)
 
 
 def test_a_specimen_that_was_written_is_known_until_it_is_changed(tmp_path: Path) -> None:

@@ -3,10 +3,11 @@
 from softarm.estimator.calibration.acceptance import (
     CalibrationRefusedError,
     MotionNotPredictedError,
+    NotImprovedError,
     cautions,
 )
 from softarm.estimator.calibration.arrange import CalibrationRun, arrange
-from softarm.estimator.calibration.calibrate import Options, calibrate, most_solves
+from softarm.estimator.calibration.calibrate import Options, calibrate, most_solves, with_bend_axes
 from softarm.estimator.calibration.drift import Drift, check_drift
 from softarm.estimator.calibration.identifiability import Identified
 from softarm.estimator.calibration.outcome import Calibrated, Check, calibrated_specimen
@@ -20,6 +21,7 @@ __all__ = [
     "Drift",
     "Identified",
     "MotionNotPredictedError",
+    "NotImprovedError",
     "Options",
     "arrange",
     "calibrate",
@@ -28,4 +30,5 @@ __all__ = [
     "check_drift",
     "most_solves",
     "section_forces",
+    "with_bend_axes",
 ]

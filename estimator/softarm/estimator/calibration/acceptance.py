@@ -34,6 +34,10 @@ class CalibrationRefusedError(InputError):
         super().__init__(where, what, f"{cure}; the old calibration stays")
 
 
+class NotImprovedError(CalibrationRefusedError):
+    """A fit predicts held-out samples worse than the old calibration."""
+
+
 class MotionNotPredictedError(CalibrationRefusedError):
     """Whatever is fitted, the model predicts the motion no better than its mean does."""
 
@@ -82,7 +86,7 @@ def require_improvement(check: Check, allowed: float) -> None:
         return
     ratio = _ratio(check.held_out, check.before)
     if ratio > allowed:
-        raise CalibrationRefusedError(
+        raise NotImprovedError(
             "calibration",
             f"held-out samples are predicted worse than before, with {ratio:.3g} times the error",
             f"leave out recordings of an arm in another state, and record more poses, each held for 5 s in "

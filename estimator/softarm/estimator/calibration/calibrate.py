@@ -42,6 +42,8 @@ from softarm.estimator.model import Frames
 from softarm.estimator.response import BatchArmModel
 from softarm.estimator.sensing import Bend, SensorSuite
 from softarm.estimator.specimen import Specimen
+from softarm.estimator.specimen.calibration import BendCalibration
+from softarm.estimator.specimen.entry import Value
 
 # The time of a fit is proportional to them, and close neighbouring nodes hold nearly the same information.
 NODES = 240
@@ -85,20 +87,13 @@ def calibrate(
             no better than its mean.
     """
     options = options or Options()
-    # Before the nodes are chosen: each averages pressures and motion of the same instants.
-    lags = tuple(estimate_lag(run) if options.fit_lag else None for run in runs)
-    nodes = _choose(runs, lags, options.nodes)
+    lags, nodes, forward, first, before = _uncalibrated(model, specimen, runs, options)
+    prior_means = forward.layout.means
     train = training_flags(nodes)
     unseen = tuple(~flags for flags in train)
-    forward = _forward(model, specimen, nodes)
-    prior_means = forward.layout.means
-    first = solvable(forward, prior_means)
-    before = forward.evaluate(first)
-    require_solutions(before, nodes)
     gains: dict[str, AxesFit] = {}
     if _axes_wanted(specimen, options):
-        solved = tuple(flags & part.converged for flags, part in zip(train, before, strict=True))
-        gains = search_axes(nodes[0].run.suite, _parts(nodes, solved), _frames(before, solved))
+        gains = _axes(nodes, before)
         nodes = tuple(replace(run_nodes, run=_with_axes(run_nodes.run, gains)) for run_nodes in nodes)
         # Once more, since the layout begins from the alignment of the sensors.
         forward = _forward(model, specimen, nodes)
@@ -159,6 +154,59 @@ def calibrate(
         force_error=errors | pulled.unpulled_errors(errors, scatter),
         force_memory=force_memory_shares(setting, final.evaluations, pulls.nodes, scatter),
     )
+
+
+def with_bend_axes(
+    model: BatchArmModel, specimen: Specimen, runs: Sequence[CalibrationRun], options: Options | None = None
+) -> Specimen:
+    """Find the rotation and the handedness of bends' axes alone; all else stays as described.
+
+    Args:
+        model: Model of the specimen.
+        specimen: The arm.
+        runs: Recordings, each as of ``arrange``.
+        options: To how many samples.
+
+    Raises:
+        CalibrationRefusedError: The model finds no equilibrium for the recordings.
+    """
+    _, nodes, _, _, before = _uncalibrated(model, specimen, runs, options or Options())
+    entries = {entry.section: entry for entry in specimen.calibration.bends}
+    for name, found in _axes(nodes, before).items():
+        section = name.removeprefix("bend_")
+        entries[section] = BendCalibration(
+            section=section,
+            rotation_rad=Value(value=found.in_plane),
+            mirrored=found.mirrored,
+        )
+    calibration = specimen.calibration.model_copy(update={"bends": tuple(entries.values())})
+    return specimen.model_copy(update={"calibration": calibration})
+
+
+def _uncalibrated(
+    model: BatchArmModel, specimen: Specimen, runs: Sequence[CalibrationRun], options: Options
+) -> tuple[tuple[float | None, ...], tuple[Nodes, ...], Forward, Floats, tuple[NodePredictions, ...]]:
+    """Predict recordings as the specimen is described.
+
+    Returns:
+        The lag of each run, its nodes, the model on them, the parameters at which it has equilibria, and what
+        it predicts there.
+    """
+    # Before the nodes are chosen: each averages pressures and motion of the same instants.
+    lags = tuple(estimate_lag(run) if options.fit_lag else None for run in runs)
+    nodes = _choose(runs, lags, options.nodes)
+    forward = _forward(model, specimen, nodes)
+    first = solvable(forward, forward.layout.means)
+    before = forward.evaluate(first)
+    require_solutions(before, nodes)
+    return lags, nodes, forward, first, before
+
+
+def _axes(nodes: Sequence[Nodes], predicted: Sequence[NodePredictions]) -> dict[str, AxesFit]:
+    """Find the axes of bends on the training nodes that were solved."""
+    train = training_flags(nodes)
+    solved = tuple(flags & part.converged for flags, part in zip(train, predicted, strict=True))
+    return search_axes(nodes[0].run.suite, _parts(nodes, solved), _frames(predicted, solved))
 
 
 def most_solves(options: Options) -> int:

@@ -241,15 +241,22 @@ def _check_motion(recording: Recording) -> None:
 def _time_notes(recording: Recording) -> list[str]:
     """Report gaps, jumps of the clock, and sensors that lost many of their readings."""
     notes = [_break_note(recording)] if _breaks(recording.time) else []
+    sensors: dict[str, dict[str, NDArray[np.bool_]]] = {}
     for name, values in motion_columns(recording).items():
-        if not name.endswith(("_x_m", "_x_rad")):
-            continue
-        observed = np.isfinite(values)
-        sensor = name.removesuffix("_x_m").removesuffix("_x_rad")
-        lost = _lost(recording.time, observed)
-        if lost > 0.2:
-            notes.append(f"{recording.name}: {lost:.0%} of the readings of {sensor} are lost.")
-        elif _breaks(recording.time[observed]) and not notes:
+        sensor, axis = name.removesuffix("_m").removesuffix("_rad").rsplit("_", 1)
+        sensors.setdefault(sensor, {})[axis] = np.isfinite(values)
+    for sensor, axes in sensors.items():
+        shares = {axis: _lost(recording.time, observed) for axis, observed in axes.items()}
+        least = min(shares.values())
+        if least > 0.2:
+            notes.append(f"{recording.name}: {least:.0%} of the readings of {sensor} are lost.")
+        notes += [
+            f"{recording.name}: {lost:.0%} of the readings of {sensor}, axis {axis}, are lost."
+            for axis, lost in shares.items()
+            if lost > max(0.2, least + 0.01)
+        ]
+        observed = np.logical_or.reduce(list(axes.values()))
+        if least <= 0.2 and _breaks(recording.time[observed]) and not notes:
             longest = float(np.diff(recording.time[observed]).max())
             notes.append(f"{recording.name}: {sensor} has a gap of {longest:.2f} s.")
     return notes

@@ -100,9 +100,11 @@ class MarginalisedProblem:
         cross = np.zeros((len(self.right), k))
         for recorded, innovation, change in zip(self.residuals, self._innovations, changes, strict=True):
             seen = change[recorded.seen]
-            gram += seen.T @ seen
-            right += seen.T @ innovation
-            cross += _cross(recorded.common, np.ascontiguousarray(seen.T, dtype=np.float32)).T
+            # A trial beyond all stable equilibria may overflow; its gain is not finite, so it is refused.
+            with np.errstate(over="ignore", invalid="ignore"):
+                gram += seen.T @ seen
+                right += seen.T @ innovation
+                cross += _cross(recorded.common, np.ascontiguousarray(seen.T, dtype=np.float32)).T
         solved = self.factor.solve(self.fraction * cross)
         matrix: Floats = self.fraction * (gram - cross.T @ solved)
         vector: Floats = self.fraction * right - solved.T @ self.right

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from softarm.estimator.calibration.acceptance import LEAST_PRESSURE_SPREAD
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.excitation import inventory, mount_turned
@@ -18,9 +19,10 @@ LEAST = 4
 def hold_out(sessions: Sequence[Session], limits: np.ndarray) -> tuple[tuple[Session, ...], str]:
     """Cut the recordings in question into three parts: to fit on, to confirm a choice on, and to report.
 
-    Of four or more, whole recordings are held out whose excitation the others have as well: the last of them
-    is reported. The others, and every fifth stretch of time of what remains, confirm. Of fewer recordings,
-    every fourth stretch is held out; these confirm and are reported in turn, and a single one is reported.
+    Of four or more, whole recordings are held out whose excitation the others have as well: the one in which
+    most chambers are driven is reported, else the last of them. The others, and every fifth stretch of time
+    of what remains, confirm. Of fewer recordings, every fourth stretch is held out; these confirm and are
+    reported in turn, and a single one is reported.
 
     Args:
         sessions: All sessions, nominal ones among them.
@@ -33,12 +35,13 @@ def hold_out(sessions: Sequence[Session], limits: np.ndarray) -> tuple[tuple[Ses
     if len(suspects) >= LEAST:
         chosen = _spare(sessions, suspects, limits)
         if chosen:
+            last = max(chosen, key=lambda k: (_driven(sessions[k]), k))
             marked = tuple(
-                s if s.nominal else _by_recording(s, whole=k in chosen, reported=k == chosen[-1])
+                s if s.nominal else _by_recording(s, whole=k in chosen, reported=k == last)
                 for k, s in enumerate(sessions)
             )
             return marked, (
-                f"the whole recording {sessions[chosen[-1]].name}, which decided nothing; what confirmed the "
+                f"the whole recording {sessions[last].name}, which decided nothing; what confirmed the "
                 "choice lies in the others"
             )
     marked = _by_stretches(sessions)
@@ -75,6 +78,11 @@ def _spare(sessions: Sequence[Session], suspects: Sequence[int], limits: np.ndar
         if len(chosen) < wanted and whole <= excitation(rest, limits):
             chosen.append(k)
     return sorted(chosen)
+
+
+def _driven(session: Session) -> int:
+    """Count the chambers whose pressures change: what acts on another one shows nothing there."""
+    return int((np.ptp(session.pressures, axis=0) > LEAST_PRESSURE_SPREAD).sum())
 
 
 def _by_recording(session: Session, *, whole: bool, reported: bool) -> Session:

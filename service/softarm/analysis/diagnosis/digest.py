@@ -45,6 +45,32 @@ def report_up_to_date(out: Path, digest: str) -> Report | None:
         return None
 
 
+def require_free_folder(out: Path, request: DiagnosisRequest, *, force: bool) -> None:
+    """Refuse a folder that nothing can be written to, or that holds the diagnosis of other recordings.
+
+    Raises:
+        InputError: It is one.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(str(out), f"cannot be made: {error.strerror}", "choose another --out") from None
+    try:
+        earlier = set(read_report(out).recordings)
+    except InputError:
+        return
+    places = [path.resolve() for path in request.recordings]
+    names = {
+        name for place in places for name in (place.stem, place.parent.name)
+    }  # recording.csv is its folder's
+    if not force and not any(name.endswith(tuple(names)) for name in earlier):
+        raise InputError(
+            str(out),
+            f"holds the diagnosis of {', '.join(sorted(earlier))}",
+            "choose another --out, or replace it with --force",
+        )
+
+
 def specimen_up_to_date(out: Path, specimen: Path) -> bool:
     """Return whether a file is the specimen that the diagnosis in a folder wrote, unchanged."""
     return specimen.is_file() and _kept(out)[1:] == [_digest_of_file(specimen)]

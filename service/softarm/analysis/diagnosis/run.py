@@ -19,10 +19,12 @@ from softarm.estimator.calibration import (
     CalibrationRefusedError,
     Check,
     MotionNotPredictedError,
+    NotImprovedError,
     Options,
     arrange,
     calibrate,
     calibrated_specimen,
+    with_bend_axes,
 )
 from softarm.estimator.calibration.identifiability import identify
 from softarm.estimator.diagnosis.admit import Admitted, admit, motion_columns, usable
@@ -213,17 +215,20 @@ def with_axes(
         recording.window(np.asarray(blocks_of(recording.time) % 4 != 2)) for recording in admitted.suspects
     )
     runs = [arrange(recording, specimen, sections) for recording in chosen]
+    words = (
+        "Rotation and handedness of the bends' axes were found before anything else, outside held-out time"
+    )
     try:
         found = calibrate(rod.with_loads(()), specimen, runs, Options(search_axes=True))
     except MotionNotPredictedError as refusal:
         names = ", ".join(recording.name for recording in chosen)
         raise InputError(names, f"however the axes of the bends lie, {refusal.what}", CHECK_NAMES) from None
+    except NotImprovedError as refusal:
+        words += f"; nothing else was calibrated so, since {refusal.what}"
+        return with_bend_axes(rod.with_loads(()), specimen, runs), f"{words}."
     except CalibrationRefusedError as refusal:
         return specimen, f"The axes of the bends stay as described: {refusal}"
-    words = (
-        "Rotation and handedness of the bends' axes were found before anything else, outside held-out time."
-    )
-    return calibrated_specimen(specimen, found), words
+    return calibrated_specimen(specimen, found), f"{words}."
 
 
 def improved_specimen(specimen: Specimen, outcome: DiagnosisOutcome) -> Specimen:

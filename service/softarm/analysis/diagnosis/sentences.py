@@ -21,6 +21,8 @@ from softarm.estimator.specimen.physics import EffectName, Place
 
 NEAR_NOISE = 1.5
 """Multiple of the noise up to which an error counts as down to the noise."""
+HARDLY = 0.01
+"""Share of an error, of every channel and of all together, below which a change of it is none."""
 STRENGTHS = ((2.0, "decisive"), (1.0, "strong"), (0.5, "substantial"), (0.0, "weak"), (-np.inf, "none"))
 """Least decimal logarithm of a Bayes factor and its name: Kass and Raftery, J. Am. Stat. Assoc. 90 (1995),
 section 3.2, who call "weak" what is "not worth more than a bare mention"."""
@@ -250,7 +252,7 @@ def effect_on_error(finding: Finding, diagnosis: Diagnosis) -> str:
     ratio = f"{number(own.heldout_before)} instead of {number(own.heldout_after)} times the noise"
     best = most_changed(own.channels)
     channel = ""
-    if best is not None:
+    if best is not None and not acts_elsewhere(finding):
         factor, unit = readable(best[1].unit)
         before, after = number(factor * best[1].before), number(factor * best[1].after)
         channel = f" In {best[0]}, which it changes most, it would be {before} instead of {after} {unit}."
@@ -315,7 +317,10 @@ def remaining(diagnosis: Diagnosis) -> str:
             f"{number(unexplained.normalised_rms)} times the noise."
         )
     if unexplained.when:
-        words += f" Most of it is at {describe(unexplained.where)}; {dependence(unexplained.when)}."
+        words += (
+            f" An error at {describe(unexplained.where)} would account for most of what is left; "
+            f"{dependence(unexplained.when)}."
+        )
     worst = unexplained.worst
     if worst is not None:
         words += (
@@ -348,12 +353,21 @@ def is_valve(finding: Finding) -> bool:
     return bool(channels) and all(name.startswith("pressure_") for name in channels)
 
 
+def acts_elsewhere(finding: Finding) -> bool:
+    """Return whether the unseen data hardly show a finding: a chamber may be vented all the time there."""
+    own = finding.evidence
+    if own.heldout_before == own.heldout_after:
+        return True
+    errors = [(own.heldout_before, own.heldout_after), *((e.before, e.after) for e in own.channels.values())]
+    return all(abs(before - after) <= HARDLY * max(before, after) for before, after in errors)
+
+
 def removed(finding: Finding, diagnosis: Diagnosis) -> str:
     """Write the share of the mismatch that a finding removes, and of which mismatch."""
     which = " between set-point and pressure" if is_valve(finding) else ""
     percent = 100.0 * share(finding, diagnosis)
-    if finding.evidence.heldout_before == finding.evidence.heldout_after:
-        return "nothing there, since it does not act in the unseen data"
+    if acts_elsewhere(finding):
+        return "nothing there, since it hardly acts in the unseen data"
     if percent <= 0.0:
         return f"nothing of the mismatch{which}"
     return f"{'less than 1' if percent < 1.0 else f'{percent:.0f}'} % of the mismatch{which}"
