@@ -131,7 +131,7 @@ def test_a_sensor_that_is_slower_than_others_has_lost_nothing() -> None:
         np.arange(len(plain.time)) % 7 < 4, plain.columns["bend_tip_x_rad"], np.nan
     )
     (note,) = admit([Recording("run", plain.time, slow)], [], SOPRA).notes
-    assert note == "run: 43% of the readings of bend_tip are lost."
+    assert note == "run: 43% of the readings of bend_tip, axis x, are lost."
 
 
 def test_motion_without_pressures_is_refused() -> None:

@@ -7,7 +7,7 @@ import pytest
 from softarm.estimator.diagnosis.admit import Admitted
 from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
 from softarm.estimator.diagnosis.valve_verdict import LEFT_OVER, not_compared, valve_diagnosis
-from softarm.estimator.diagnosis.valves import Ceiling, ValveLaw, ceilings_of, static, valves_of
+from softarm.estimator.diagnosis.valves import Ceiling, Gain, ValveLaw, ceilings_of, static, valves_of
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
 from softarm.estimator.simulation.filters import first_order
@@ -17,7 +17,7 @@ TIME = np.arange(0.0, 80.0, 0.01)
 
 
 def settled(setpoint: np.ndarray, bias: float, gain: float, deadband: float, ceiling: float) -> np.ndarray:
-    return static(setpoint, ValveLaw(bias=bias, gain=gain, deadband=deadband, ceiling=Ceiling(ceiling)))
+    return static(setpoint, ValveLaw(bias=bias, gain=Gain(gain), deadband=deadband, ceiling=Ceiling(ceiling)))
 
 
 def _recording(name: str, dead_time: float = 0.0, lag: float = 0.0, law: tuple = (0.0, 0.0, 0.0, np.inf)):
@@ -95,6 +95,16 @@ def test_what_nominal_recordings_show_as_well_is_not_new() -> None:
     assert finding.parameters["lag"].value == pytest.approx(0.14, abs=0.05)
     assert finding.probability is not None
     assert 0.99 < finding.probability <= 1.0
+
+
+def test_a_valve_that_has_become_quicker_is_named_as_well() -> None:
+    late, quick = (splits_of([_recording(f"{lag}", 0.1, lag)]) for lag in (0.12, 0.05))
+    for suspects, nominal, change in ((quick, late, -0.07), (late, quick, 0.07)):
+        (finding,) = valve_findings(suspects, nominal)
+        assert finding.effect == "line_lag"
+        both = sum(finding.parameters[name].value for name in ("lag", "dead_time"))
+        assert both == pytest.approx(change, abs=0.005)
+        assert f"{1e3 * change:+.0f} ms from nominal recordings" in finding.statement
 
 
 def test_a_ceiling_and_a_dead_band_are_told() -> None:

@@ -241,6 +241,12 @@ def _check_motion(recording: Recording) -> None:
 def _time_notes(recording: Recording) -> list[str]:
     """Report gaps, jumps of the clock, and sensors that lost many of their readings."""
     notes = [_break_note(recording)] if _breaks(recording.time) else []
+    notes += [
+        f"{recording.name}: pressure_{chamber} was never read; its set-point stands in for it."
+        for chamber in recording.chambers
+        if f"pressure_{chamber}_pa" in recording.columns and recording.pressure(chamber)[1] == "commanded"
+    ]
+    gaps: list[str] = []
     sensors: dict[str, dict[str, NDArray[np.bool_]]] = {}
     for name, values in motion_columns(recording).items():
         sensor, axis = name.removesuffix("_m").removesuffix("_rad").rsplit("_", 1)
@@ -256,10 +262,10 @@ def _time_notes(recording: Recording) -> list[str]:
             if lost > max(0.2, least + 0.01)
         ]
         observed = np.logical_or.reduce(list(axes.values()))
-        if least <= 0.2 and _breaks(recording.time[observed]) and not notes:
+        if least <= 0.2 and _breaks(recording.time[observed]) and not _breaks(recording.time) and not gaps:
             longest = float(np.diff(recording.time[observed]).max())
-            notes.append(f"{recording.name}: {sensor} has a gap of {longest:.2f} s.")
-    return notes
+            gaps.append(f"{recording.name}: {sensor} has a gap of {longest:.2f} s.")
+    return [*notes, *gaps]
 
 
 def _breaks(time: Floats) -> bool:

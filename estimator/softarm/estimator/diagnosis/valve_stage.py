@@ -20,9 +20,11 @@ from softarm.estimator.diagnosis.valves import (
     LAGS,
     OPEN,
     SETTLED,
+    Gain,
     Timing,
     Valve,
     ceilings_of,
+    gains_of,
     predict,
     reading_interval,
     valves_of,
@@ -107,17 +109,21 @@ def splits_of(recordings: Sequence[Recording]) -> list[Split]:
     """Learn each valve's law from the first half of its activity in each recording."""
     splits = []
     ceilings = ceilings_of(recordings)
-    valves = [(recording, valve) for recording in recordings for valve in valves_of(recording, ceilings)]
+    gains = gains_of(recordings, ceilings)
+    valves = [
+        (recording, valve) for recording in recordings for valve in valves_of(recording, ceilings, gains)
+    ]
     for chamber in sorted({valve.chamber for _, valve in valves}):
         chosen = [(recording, valve) for recording, valve in valves if valve.chamber == chamber]
         middles = [_middle(recording, chamber) for recording, _ in chosen]
         early = [_until(r, chamber, middle) for (r, _), middle in zip(chosen, middles, strict=True)]
         met = ceilings_of(early)
+        found = gains_of(early, met)
         for (recording, whole), half, middle in zip(chosen, early, middles, strict=True):
             time, setpoint, measured = recording.time, *_columns(recording, chamber)
             if not np.isfinite(setpoint[time > middle] + measured[time > middle]).any():
                 continue
-            learnt = {valve.chamber: valve for valve in valves_of(half, met)}
+            learnt = {valve.chamber: valve for valve in valves_of(half, met, found)}
             if chamber not in learnt:  # too few readings
                 continue
             observed = np.isfinite(setpoint) & np.isfinite(measured)
@@ -307,19 +313,19 @@ def _gain(
     valves: int,
 ) -> list[Finding]:
     """Report an error that grows with the set-point, by what it amounts to at the highest set-point."""
-    ours, theirs = _gains(splits), _gains(references)
-    if not ours or (references and not theirs):
+    ours, theirs = (group[0].valve.law.gain if group else Gain() for group in (splits, references))
+    if not ours.std or (references and not theirs.std):
         return []
-    change = (1.0 + float(np.mean(ours))) / (1.0 + (float(np.mean(theirs)) if theirs else 0.0)) - 1.0
+    change = (1.0 + ours.value) / (1.0 + theirs.value) - 1.0
     highest = max(float(split.setpoint.max()) for split in splits)
-    within = max(between_holds, *(split.valve.law.gain_std * highest for split in splits))
-    spread = _spread(within, scatter, len(ours), len(theirs))
+    other = _spread(between_holds, scatter, len(splits), len(references))
+    spread = float(np.hypot(other, highest * np.hypot(ours.std, theirs.std)))
     error = abs(change) * highest
-    sure = _probability(error, spread, len(ours) + len(theirs), valves)
+    sure = _probability(error, spread, len(splits) + len(references), valves)
     if error <= LEAST_BIAS or sure < NAMED:
         return []
     words = f"The pressure in chamber {chamber} is {1.0 + change:.2f} times "
-    words += "what it was in nominal recordings." if theirs else "its set-point."
+    words += "what it was in nominal recordings." if references else "its set-point."
     quantity = {"gain": Quantity(change, spread / highest, "1")}
     return [_finding("chamber_gain", chamber, words, quantity, sure, evidence, "pressure level")]
 
@@ -372,7 +378,7 @@ def _delays(
     evidence: Evidence,
     valves: int,
 ) -> list[Finding]:
-    """Report a dead time and a lag, or what is new of them."""
+    """Report a dead time and a lag, or by how much a valve has become later, or quicker."""
     splits, references = _timed(suspects), _timed(nominal)
     if not splits or (nominal and not references):
         return []
@@ -381,15 +387,17 @@ def _delays(
     late, slower = dead - dead_before, lag - lag_before
     recordings = 1.0 / len(splits) + (1.0 / len(references) if references else 0.0)
     spread = jitter * float(np.sqrt(recordings))
-    sure = _probability(late + slower, spread, len(splits) + len(references), valves)
-    if late + slower <= LEAST_DELAY or sure < NAMED:
+    change = late + slower
+    sure = _probability(abs(change), spread, len(splits) + len(references), valves)
+    if abs(change) <= LEAST_DELAY or sure < NAMED:
         return []
     deviation = max(spread, float(np.hypot(_timing_std(splits), _timing_std(references))))
     resolution = max(_jitter(split) for split in suspects)
     words = (
         f"The valve of chamber {chamber} responds {1e3 * dead:.0f} ms after its set-point, and then settles "
-        f"with a time constant of {1e3 * lag:.0f} ms."
+        f"with a time constant of {1e3 * lag:.0f} ms"
     )
+    words += f", {1e3 * change:+.0f} ms from nominal recordings." if references else "."
     quantities = {
         name: Quantity(value if abs(value) > resolution else 0.0, deviation, "s")
         for name, value in (("lag", slower), ("dead_time", late))
@@ -432,12 +440,7 @@ def _timed(splits: Sequence[Split]) -> list[Timing]:
 def _offsets(splits: Sequence[Split]) -> list[float]:
     """Return the steady errors of valves that were held open [Pa], a dead band counted as one."""
     laws = [split.valve.law for split in splits if split.valve.law.holds]
-    return [law.bias - (1.0 + law.gain) * law.deadband for law in laws]
-
-
-def _gains(splits: Sequence[Split]) -> list[float]:
-    """Return the errors over the set-point of valves whose holds determine them."""
-    return [split.valve.law.gain for split in splits if split.valve.law.gain_std]
+    return [law.bias - (1.0 + law.gain.value) * law.deadband for law in laws]
 
 
 def _timing_std(timings: Sequence[Timing]) -> float:

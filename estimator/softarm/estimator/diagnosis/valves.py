@@ -13,6 +13,7 @@ from math import comb
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from softarm.estimator.arrays import Floats
@@ -49,6 +50,18 @@ class Ceiling(NamedTuple):
     chance: float = 0.0
 
 
+class Gain(NamedTuple):
+    """An error that grows with the set-point.
+
+    Args:
+        value: The error over the set-point.
+        std: Its standard deviation; 0 where holds do not determine it.
+    """
+
+    value: float = 0.0
+    std: float = 0.0
+
+
 class ValveLaw(NamedTuple):
     """What a valve settles at.
 
@@ -56,8 +69,7 @@ class ValveLaw(NamedTuple):
         holds: How often a set-point below the ceiling was held for long enough to show what it settles at.
         bias: Steady error while open [Pa].
         bias_std: Standard deviation of that between holds [Pa]; 0 where there were less than two.
-        gain: Error that grows with the set-point, over the set-point.
-        gain_std: Standard deviation of that; 0 where the holds do not determine it.
+        gain: Error that grows with the set-point.
         deadband: Set-point up to which nothing comes [Pa].
         ceiling: Pressure that is not passed however much is asked.
         vented: Pressure that is read while the set-point is zero [Pa]; 0 where it was never held.
@@ -67,8 +79,7 @@ class ValveLaw(NamedTuple):
     holds: int = 0
     bias: float = 0.0
     bias_std: float = 0.0
-    gain: float = 0.0
-    gain_std: float = 0.0
+    gain: Gain = Gain()
     deadband: float = 0.0
     ceiling: Ceiling = Ceiling()
     vented: float = 0.0
@@ -110,17 +121,60 @@ class Valve:
     noise: float
 
 
-def valves_of(recording: Recording, ceilings: Mapping[int, Ceiling]) -> tuple[Valve, ...]:
+def valves_of(
+    recording: Recording, ceilings: Mapping[int, Ceiling], gains: Mapping[int, Gain] | None = None
+) -> tuple[Valve, ...]:
     """Describe every valve of which set-point and pressure were both recorded and that was opened.
 
     Args:
         recording: The recording.
         ceilings: Pressures that valves do not pass, of ``ceilings_of``, by their chambers.
+        gains: Of valves, of ``gains_of``; when left out, what this recording alone shows of them.
     """
+    gains = gains_of([recording], ceilings) if gains is None else gains
     return tuple(
-        _valve(chamber, time, setpoint, measured, ceilings.get(chamber, Ceiling()))
+        _valve(
+            chamber, time, setpoint, measured, ceilings.get(chamber, Ceiling()), gains.get(chamber, Gain())
+        )
         for chamber, time, setpoint, measured in _opened(recording)
     )
+
+
+def gains_of(recordings: Sequence[Recording], ceilings: Mapping[int, Ceiling]) -> dict[int, Gain]:
+    """Find the errors of valves that grow with the set-point, over all holds of some recordings of one state.
+
+    A recording with few set-points says little of them: its steady error could be a share of these as well.
+
+    Args:
+        recordings: The recordings.
+        ceilings: Pressures that valves do not pass, of ``ceilings_of``, by their chambers.
+    """
+    held: dict[int, list[tuple[Floats, Floats]]] = {}
+    for recording in recordings:
+        for chamber, *signals in _opened(recording):
+            level, pressure = _holds(*signals)
+            passing = _passing(level, pressure) & (pressure < _below(ceilings.get(chamber, Ceiling())))
+            held.setdefault(chamber, []).append((level[passing], (pressure - level)[passing]))
+    gains = {}
+    for chamber, parts in held.items():
+        level, error = (np.concatenate(each) for each in zip(*parts, strict=True))
+        if len(level) >= 4 and np.ptp(level) > 10e3:
+            coefficients, covariance = np.polyfit(level, error, 1, cov=True)
+            value = float(coefficients[0])
+            gains[chamber] = Gain(value if abs(value) > 0.01 else 0.0, float(np.sqrt(covariance[0, 0])))
+    return gains
+
+
+def _passing(level: Floats, pressure: Floats) -> NDArray[np.bool_]:
+    """Return which holds have opened a valve, shape (holds,)."""
+    closed = level < 1.0
+    vented = float(np.median(pressure[closed])) if closed.any() else 0.0
+    return (level > OPEN) & (pressure >= vented + SHUT)
+
+
+def _below(ceiling: Ceiling) -> float:
+    """Return the pressure below which a ceiling bounds nothing [Pa]."""
+    return ceiling.pressure - 500.0
 
 
 def ceilings_of(recordings: Sequence[Recording]) -> dict[int, Ceiling]:
@@ -159,12 +213,14 @@ def predict(valve: Valve, time: Floats, setpoint: Floats) -> Floats:
 
 def static(setpoint: Floats, law: ValveLaw) -> Floats:
     """Return the settled pressure for a set-point [Pa]."""
-    target = np.minimum((1.0 + law.gain) * (setpoint - law.deadband) + law.bias, law.ceiling.pressure)
+    target = np.minimum((1.0 + law.gain.value) * (setpoint - law.deadband) + law.bias, law.ceiling.pressure)
     return np.where(setpoint > max(law.deadband, OPEN), np.maximum(target, law.vented), law.vented)
 
 
-def _valve(chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceiling: Ceiling) -> Valve:
-    law = _static_law(*_holds(time, setpoint, measured), ceiling)
+def _valve(
+    chamber: int, time: Floats, setpoint: Floats, measured: Floats, ceiling: Ceiling, gain: Gain
+) -> Valve:
+    law = _static_law(*_holds(time, setpoint, measured), ceiling, gain)
     timed = bool(np.abs(np.interp(time + SUDDEN, time, setpoint) - setpoint).max() > LEAST_CHANGE)
     timing = _timing(time, setpoint, measured, law) if timed else Timing()
     noise = MAD_TO_STD * float(np.median(np.abs(np.diff(measured)))) / np.sqrt(2.0)
@@ -224,30 +280,24 @@ def _unrest(measured: Floats) -> float:
     return max(halves) - min(halves)
 
 
-def _static_law(level: Floats, pressure: Floats, ceiling: Ceiling) -> ValveLaw:
+def _static_law(level: Floats, pressure: Floats, ceiling: Ceiling, gain: Gain) -> ValveLaw:
     """Fit the settled law to the holds, each hold one point."""
     opened, closed = level > OPEN, level < 1.0
     vents, vented = int(closed.sum()), float(np.median(pressure[closed])) if closed.any() else 0.0
     if not opened.any():
         return ValveLaw(vented=vented, vents=vents)
-    shut = opened & (pressure < vented + SHUT)
-    passing = opened & ~shut
+    passing = _passing(level, pressure)
+    shut = opened & ~passing
     deadband = 0.0
     if shut.any() and passing.any() and level[shut].max() < level[passing].min():
         deadband = float(level[shut].max())
-    below = passing & (pressure < ceiling.pressure - 500.0)
-    error = pressure[below] - level[below]
-    if not len(error):
-        return ValveLaw(deadband=deadband, ceiling=ceiling, vented=vented, vents=vents)
-    gain, gain_std = 0.0, 0.0
-    if len(error) >= 4 and np.ptp(level[below]) > 10e3:
-        coefficients, covariance = np.polyfit(level[below], error, 1, cov=True)
-        gain, gain_std = float(coefficients[0]), float(np.sqrt(covariance[0, 0]))
-        gain = gain if abs(gain) > 0.01 else 0.0
-    residual = error - gain * level[below]
+    below = passing & (pressure < _below(ceiling))
+    residual = (pressure - (1.0 + gain.value) * level)[below]
+    if not len(residual):
+        return ValveLaw(gain=gain, deadband=deadband, ceiling=ceiling, vented=vented, vents=vents)
     spread = float(np.std(residual, ddof=1)) if len(residual) > 1 else 0.0
-    bias = float(np.median(residual)) + (1.0 + gain) * deadband
-    return ValveLaw(len(residual), bias, spread, gain, gain_std, deadband, ceiling, vented, vents)
+    bias = float(np.median(residual)) + (1.0 + gain.value) * deadband
+    return ValveLaw(len(residual), bias, spread, gain, deadband, ceiling, vented, vents)
 
 
 def _ceiling(level: Floats, pressure: Floats) -> Ceiling:

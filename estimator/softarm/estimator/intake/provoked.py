@@ -126,6 +126,9 @@ def _largest_slopes(grid: Grid) -> Floats:
 
 
 def _noise(values: Floats) -> Floats:
+    """Return the noise of each value from second differences, shape (values,); 0 where no three follow."""
     second_differences = np.abs(np.diff(values, n=2, axis=0))
-    noise: Floats = np.nan_to_num(np.nanmedian(second_differences, axis=0)) * MAD_TO_STD / np.sqrt(6.0)
+    known = np.isfinite(second_differences).any(axis=0)
+    noise = np.zeros(values.shape[1])
+    noise[known] = np.nanmedian(second_differences[:, known], axis=0) * MAD_TO_STD / np.sqrt(6.0)
     return noise
