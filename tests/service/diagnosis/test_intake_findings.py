@@ -118,3 +118,22 @@ def test_a_recording_of_which_nothing_is_left_is_refused_with_what_was_found() -
     )
     with pytest.raises(InputError, match=words):
         check_recordings([replace(good, columns=columns)], [], arm.specimen())
+
+
+MIRROR = arm.scaled("frame_", "_y_m", -1.0)
+
+
+@pytest.mark.parametrize(("mirrored", "plain"), [(2, 0), (1, 2)])
+def test_a_mirrored_laboratory_is_one_for_all_its_recordings(mirrored: int, plain: int) -> None:
+    """One in which the arm hardly moves shows it hardly; it follows what more of the others show."""
+    moving = [arm.small_arm(seed, parts=("frame",)) for seed in range(mirrored + plain)]
+    runs = [MIRROR(one) for one in moving[:mirrored]] + moving[mirrored:]
+    weak = arm.small_arm(9, parts=("frame",), flexibility=0.02)
+    good = [*moving, weak]
+    runs = [
+        replace(one, name=f"run_{k}") for k, one in enumerate([*runs, MIRROR(weak) if not plain else weak])
+    ]
+    taken, _, _, notes = check_recordings(runs, (), arm.specimen())
+    assert len([note for note in notes if "mirrored" in note]) == (mirrored if plain else mirrored + 1)
+    for one, expected in zip(taken, good, strict=True):
+        np.testing.assert_allclose(one.columns["frame_tip_y_m"], expected.columns["frame_tip_y_m"])

@@ -1,6 +1,7 @@
 """All steps of an intake, in the order in which each may rely on the one before."""
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 from softarm.estimator.errors import InputError
@@ -112,8 +113,13 @@ STEPS: tuple[Step, ...] = (
 )
 
 
-def check_recording(recording: Recording, specimen: Specimen) -> Intake:
+def check_recording(recording: Recording, specimen: Specimen, mirrored: int | None = None) -> Intake:
     """Check a recording against its specimen, correct what is unambiguous, and find what no fit may see.
+
+    Args:
+        recording: The recording.
+        specimen: The robot.
+        mirrored: Axis of the laboratory that is mirrored in other recordings of it.
 
     Returns:
         The recording, corrected, with every fault and event that was found. A refused recording is not
@@ -123,7 +129,8 @@ def check_recording(recording: Recording, specimen: Specimen) -> Intake:
     for step in STEPS:
         if intake.refusals:
             return intake
-        corrected, faults = step(intake.recording, specimen)
+        found = partial(correct_sections, mirrored=mirrored) if step is correct_sections else step
+        corrected, faults = found(intake.recording, specimen)
         intake = intake.with_recording(corrected, faults)
     beyond, limits = over_limit(intake.recording, specimen)
     frozen, unrecorded = frozen_pressures(intake.recording, specimen)

@@ -29,6 +29,7 @@ class RecordingFault:
         corrected: Whether the run was corrected; otherwise it is refused.
         odds: Odds of this explanation against the next; infinite where there is no other.
         interval: From when to when [s], where it does not concern the whole recording.
+        mirrored: Number of the laboratory's axis that was found to be mirrored, if one was.
     """
 
     recording: str
@@ -39,6 +40,7 @@ class RecordingFault:
     corrected: bool = True
     odds: float = np.inf
     interval: tuple[float, float] | None = None
+    mirrored: int | None = None
 
     @property
     def statement(self) -> str:

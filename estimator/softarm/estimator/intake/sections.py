@@ -73,9 +73,16 @@ class SensorChannels:
 
 
 def correct_sections(
-    recording: Recording, specimen: Specimen
+    recording: Recording, specimen: Specimen, mirrored: int | None = None
 ) -> tuple[Recording, tuple[RecordingFault, ...]]:
-    """Find exchanged sections and mirrored or rotated frames, and correct them where one explanation wins."""
+    """Find exchanged sections and mirrored or rotated frames, and correct them where one explanation wins.
+
+    Args:
+        recording: The recording.
+        specimen: The robot.
+        mirrored: Axis of the laboratory that is mirrored in other recordings of it: here as well, unless this
+            recording shows otherwise.
+    """
     names = [section.name for section in specimen.sections if section.name in recording.frames]
     if len(names) < 2 or names[0] != specimen.sections[0].name:
         return recording, ()
@@ -85,7 +92,7 @@ def correct_sections(
     heights = np.array([specimen.section(name).frame_origin_m[2] for name in names])
     rotations = [from_quaternions(poses[:, k, 3:]) for k in range(len(names))]
     tried = [
-        Explanation(setup, _prior(setup) - 0.5 * _squares(poses, rotations, heights, setup))
+        Explanation(setup, _prior(setup, mirrored) - 0.5 * _squares(poses, rotations, heights, setup))
         for setup in _setups(len(names))
     ]
     choice = choose(tried)
@@ -125,9 +132,16 @@ def correct_sections(
         return recording, (RecordingFault(recording.name, "frame", columns, what, cure, False, choice.odds),)
     off, before = (_distance(poses, rotations, heights, setup) for setup in (best, tried[0].what))
     fits = f"positions follow from orientations to {1e3 * off:.0f} instead of {1e3 * before:.0f} mm"
-    what = f"{words}{follow}: {fits}"
+    alike = " as in other recordings" if mirrored is not None and best.mirrored == mirrored else ""
+    what = f"{words}{alike}{follow}: {fits}"
     mismatch = RecordingFault(
-        recording.name, "frame", columns, what, "corrected for this run", True, choice.odds
+        recording.name,
+        "frame",
+        columns,
+        what,
+        "corrected for this run",
+        odds=choice.odds,
+        mirrored=best.mirrored,
     )
     return corrected, (mismatch,)
 
@@ -177,10 +191,11 @@ def _setups(count: int) -> list[SensorChannels]:
     return [*plain, *based, *written]
 
 
-def _prior(setup: SensorChannels) -> float:
+def _prior(setup: SensorChannels, mirrored: int | None) -> float:
+    """Return the logarithm of an explanation's prior where other recordings show an axis to be mirrored."""
     moved = sum(label != k for k, label in enumerate(setup.labels))
     reoriented = setup.axis != 2 or setup.sign < 0.0 or setup.reversed or setup.scalar_last
-    return EXCHANGED * 0.5 * moved + REORIENTED * (setup.mirrored is not None) + REORIENTED * reoriented
+    return EXCHANGED * 0.5 * moved + REORIENTED * (setup.mirrored != mirrored) + REORIENTED * reoriented
 
 
 def _squares(poses: Floats, rotations: Sequence[Floats], heights: Floats, setup: SensorChannels) -> float:

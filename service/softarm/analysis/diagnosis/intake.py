@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
@@ -33,6 +34,9 @@ def check_recordings(
 ) -> tuple[tuple[Recording, ...], tuple[Recording, ...], tuple[Intake, ...], tuple[str, ...]]:
     """Check and correct recordings.
 
+    They are of one laboratory: an axis of it that some of them show to be mirrored is so in all, unless more
+    of them show otherwise.
+
     Args:
         suspects: Recordings in question.
         nominal: Recordings of the arm in its known state.
@@ -46,20 +50,44 @@ def check_recordings(
     Raises:
         InputError: No recording of a kind fits the specimen or can be corrected; single ones are set aside.
     """
-    notes: list[str] = []
-    questioned, known = (
-        usable(
-            group,
-            lambda recording: _required(check_and_correct(recording, specimen, notes.append)),
-            notes,
-            notify,
+
+    def checked(mirrored: int | None) -> tuple[tuple[Intake, ...], tuple[Intake, ...], list[str], list[str]]:
+        notes: list[str] = []
+        aside: list[str] = []
+        questioned, known = (
+            usable(
+                group,
+                lambda recording: _required(check_and_correct(recording, specimen, notes.append, mirrored)),
+                notes,
+                aside.append,
+            )
+            for group in (suspects, nominal)
         )
-        for group in (suspects, nominal)
-    )
+        return questioned, known, notes, aside
+
+    taken = checked(None)
+    own = _mirrored(taken[:2])
+    if len(set(own.values()) - {None}) == 1:
+        (axis,) = set(own.values()) - {None}
+        again = checked(axis)
+        otherwise = sum(other != axis for other in _mirrored(again[:2]).values())
+        taken = again if otherwise < sum(one == axis for one in own.values()) else taken
+    questioned, known, notes, aside = taken
+    for words in aside:
+        notify(words)
     for one in (fault for intake in (*questioned, *known) for fault in intake.mismatches):
         if one.kind in NO_MISMATCH:
             notify(one.statement)
     return tuple(i.for_fits for i in questioned), tuple(i.for_fits for i in known), questioned, tuple(notes)
+
+
+def _mirrored(groups: Sequence[Sequence[Intake]]) -> dict[str, int | None]:
+    """Return which axis of the laboratory each recording with frames shows to be mirrored, by its name."""
+    return {
+        intake.recording.name: next((m.mirrored for m in intake.mismatches if m.mirrored is not None), None)
+        for intake in chain(*groups)
+        if intake.recording.frames
+    }
 
 
 def _required(intake: Intake) -> Intake:

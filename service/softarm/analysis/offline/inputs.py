@@ -126,13 +126,21 @@ def specimen_of_any(given: str | None, paths: Sequence[Path]) -> Specimen:
     raise refusals[0]
 
 
-def check_and_correct(recording: Recording, specimen: Specimen, notify: Callable[[str], None]) -> Intake:
+def check_and_correct(
+    recording: Recording, specimen: Specimen, notify: Callable[[str], None], mirrored: int | None = None
+) -> Intake:
     """Check and correct a recording: its units, labels and clocks; find its events, and report each.
+
+    Args:
+        recording: The recording.
+        specimen: The robot.
+        notify: Called with each in words.
+        mirrored: Axis of the laboratory that is mirrored in other recordings of it.
 
     Raises:
         InputError: It does not fit the specimen and cannot be corrected unambiguously.
     """
-    intake = check_recording(recording, specimen).required()
+    intake = check_recording(recording, specimen, mirrored).required()
     for sentence in intake.sentences:
         notify(sentence)
     return intake
