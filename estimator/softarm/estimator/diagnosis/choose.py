@@ -229,8 +229,8 @@ class Search:
             used = np.isfinite(residual) & ~session.heldout[:, None]
             weight = used / self.evidence.scale(self.weights, number)
             common = self.evidence.columns[number][used] * weight[used][:, None].astype(np.float32)
-            left = np.nan_to_num(residual) * weight
-            weighted.append(RecordingResidual(stage, left, weight, common, placed_in(stage, fit)))
+            scaled = np.nan_to_num(residual) * weight
+            weighted.append(RecordingResidual(stage, scaled, weight, common, placed_in(stage, fit)))
         normal_equations = total(self.searched(fit), self.evidence.size)
         return MarginalisedProblem.of(
             weighted, self.prior, self.weights.effective_sample_fraction, normal_equations

@@ -52,7 +52,7 @@ from softarm.estimator.specimen.physics import EffectName, Place
 MOST_UNPROVEN = 3
 """Effects that may fail on held-out data before the search ends."""
 FRAGMENT = 0.3
-"""Share of the gain of those from which another explains as much."""
+"""Share of the largest gain of an earlier choice that a later one must reach: less is a fragment of it."""
 DRAWS = 40
 SURE = 10.0
 """Resamplings of held-out stretches, and the percentile of the gain over them that must not be negative."""
@@ -61,10 +61,10 @@ NOTHING = 1.0
 SHOWN = (2.0 + (4.0 + NOTHING) ** 0.5) ** 2
 """Gain expected of an effect that acts, from which stretches can disprove it: g with g - 4 sqrt(g) = NOTHING.
 The gain of an effect of the right size is normal with mean g and standard deviation 2 sqrt(g)."""
+BY_CHANCE = 2.0
+"""Standard deviations by which the gain of an effect that acts may fall short of its mean."""
 MANY = 2
 """Rivals of a finding from which no name is stated if none is likelier than not."""
-BY_CHANCE = 2.0
-"""Standard deviations by which such a gain may fall short of its mean."""
 
 
 @dataclass(frozen=True)

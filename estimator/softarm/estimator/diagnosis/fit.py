@@ -35,14 +35,14 @@ class RecordingResidual:
 
     Args:
         stage: The session on the calibrated model.
-        left: Residual over its scale, lost ones zero, shape (samples, rows).
+        residual: Over its scale, lost ones zero, shape (samples, rows).
         weight: Inverse scale, zero for lost or held-out residuals, shape (samples, rows).
         common: Columns of the common coefficients over their scale, for ``seen``, shape (seen, columns).
         beside: Effects whose change the residual is without.
     """
 
     stage: Stage
-    left: Floats
+    residual: Floats
     weight: Floats
     common: NDArray[np.float32]
     beside: tuple[PlacedEffect, ...] = ()
@@ -89,7 +89,7 @@ class MarginalisedProblem:
     def _innovations(self) -> list[Floats]:
         """What the prior mean leaves of each session, each of shape (seen,)."""
         return [
-            recorded.left.ravel()[recorded.seen] - recorded.common @ self.prior.mean
+            recorded.residual.ravel()[recorded.seen] - recorded.common @ self.prior.mean
             for recorded in self.residuals
         ]
 

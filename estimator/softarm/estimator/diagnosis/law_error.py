@@ -32,15 +32,15 @@ def gain_beside_law_errors(problem: MarginalisedProblem, fit: Fit, number: int) 
     own_sensor = fit.hypotheses[number].place.sensor
     erring = [k for k in others if fit.hypotheses[k].place.sensor in (None, own_sensor)]
     errors = [_changes(problem, fit, [k]) for k in erring]
-    count = sum(recorded.left.shape[1] for recorded in problem.residuals) * len(erring)
+    count = sum(recorded.residual.shape[1] for recorded in problem.residuals) * len(erring)
     columns, first = [], 2
     for recording, recorded in enumerate(problem.residuals):
-        own = np.zeros((recorded.left.size, 2 + count))
+        own = np.zeros((recorded.residual.size, 2 + count))
         own[:, 0] = whole[recording][:, 0] - rest[recording][:, 0]
         own[:, 1] = rest[recording][:, 0]
         for error in errors:
             # One column for each channel, in which all others are zero.
-            channels = recorded.left.shape[1]
+            channels = recorded.residual.shape[1]
             diagonal = error[recording].reshape(-1, channels, 1) * np.eye(channels)
             own[:, first : first + channels] = diagonal.reshape(-1, channels)
             first += channels
@@ -75,7 +75,7 @@ def gradient_covariance(problem: MarginalisedProblem, fit: Fit, slopes: Sequence
             continue
         changes = _changes(problem, fit, [number])
         for recorded, slope, change in zip(problem.residuals, slopes, changes, strict=True):
-            channels = recorded.left.shape[1]
+            channels = recorded.residual.shape[1]
             by_channel = change[:, 0].reshape(-1, channels)
             by_error = np.einsum("tcp,tc->cp", slope.reshape(-1, channels, count), by_channel)
             covariance += SHARE**2 * by_error.T @ by_error

@@ -29,7 +29,7 @@ CREDIBLE = 0.95
 BARE = 3.2
 """Odds that are not worth more than a bare mention (Kass and Raftery, J. Am. Stat. Assoc. 90 (1995) 773)."""
 COARSE = ALIKE / ALIKE_SHARE
-"""Gain in cost from which a hundredth of it counts as little as it should, a."""
+"""Gain in cost at which densities count with half their power, a."""
 DRAWS = 2000
 """Random weightings of the folds: a probability is then good to a hundredth."""
 

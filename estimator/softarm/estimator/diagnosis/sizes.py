@@ -122,7 +122,7 @@ def sized(search: Search, fit: Fit) -> Fit:
         part
         for recorded, slope, change, common in zip(residuals, slopes, left, columns, strict=True)
         for part in _parts(
-            recorded, slope, recorded.left.ravel() - change[:, 0], common, whole=len(residuals) >= FEW
+            recorded, slope, recorded.residual.ravel() - change[:, 0], common, whole=len(residuals) >= FEW
         )
     ]
     prior = 1.0 / parametrisation.spreads**2
@@ -157,7 +157,7 @@ def contact_deviations(fit: Fit, left_variance: float) -> Floats:
 def _left_variance(residuals: Sequence[RecordingResidual], changes: Sequence[Floats]) -> float:
     """Return the variance of what effects leave, over that of the noise."""
     squares = sum(
-        float(((recorded.left.ravel() - change[:, 0]) ** 2).sum())
+        float(((recorded.residual.ravel() - change[:, 0]) ** 2).sum())
         for recorded, change in zip(residuals, changes, strict=True)
     )
     return squares / sum(np.count_nonzero(recorded.weight) for recorded in residuals)
@@ -295,16 +295,18 @@ def plain_residuals(search: Search) -> tuple[list[RecordingResidual], list[Singl
 
 
 def _parts(
-    recorded: RecordingResidual, slope: Floats, left: Floats, common: Singles, *, whole: bool
+    recorded: RecordingResidual, slope: Floats, residual: Floats, common: Singles, *, whole: bool
 ) -> list[Part]:
     """Multiply out a recording, or spans of it where there are few recordings."""
-    rows = recorded.left.shape[1]
-    cuts = [np.arange(len(recorded.left))] if whole else np.array_split(np.arange(len(recorded.left)), SPANS)
+    samples, rows = recorded.residual.shape
+    cuts = np.array_split(np.arange(samples), 1 if whole else SPANS)
     found = []
     for cut in cuts:
         own = slice(int(cut[0]) * rows, (int(cut[-1]) + 1) * rows)
         x, c = slope[own], common[own]
-        found.append(Part(x.T @ x, x.T @ left[own], np.asarray(x.astype(np.float32).T @ c, dtype=np.float64)))
+        found.append(
+            Part(x.T @ x, x.T @ residual[own], np.asarray(x.astype(np.float32).T @ c, dtype=np.float64))
+        )
     return found
 
 

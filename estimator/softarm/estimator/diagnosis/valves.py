@@ -241,7 +241,7 @@ def _holds(time: Floats, setpoint: Floats, measured: Floats) -> tuple[Floats, Fl
         if len(hold) < FEW or float(time[hold[-1]] - time[hold[0]]) <= 0.1:
             continue
         late = hold[time[hold] > 0.5 * (time[hold[0]] + time[hold[-1]])]
-        if lasted > 2.0 * SETTLED or _unrest(measured[late]) < AT_REST:
+        if lasted > 2.0 * SETTLED or _drift(measured[late]) < AT_REST:
             levels.append(float(np.median(setpoint[late])))
             reached.append(float(np.mean(measured[late])))
     return np.array(levels), np.array(reached)
@@ -262,7 +262,7 @@ def _rests_below(
     """
     for begin, end in runs(setpoint > highest):
         late = np.arange(begin, end)[time[begin:end] >= time[begin] + SETTLED]
-        if len(late) < FEW or _unrest(measured[late]) >= AT_REST:
+        if len(late) < FEW or _drift(measured[late]) >= AT_REST:
             continue
         above = setpoint[late] > 0.5 * (setpoint[late].min() + setpoint[late].max())
         lower, upper = late[~above], late[above]
@@ -274,7 +274,7 @@ def _rests_below(
             )
 
 
-def _unrest(measured: Floats) -> float:
+def _drift(measured: Floats) -> float:
     """Return by how much the mean of a pressure changes between two halves [Pa]."""
     halves = [float(half.mean()) for half in np.array_split(measured, 2) if len(half)]
     return max(halves) - min(halves)
