@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis.admit import Admitted
+from softarm.estimator.diagnosis.result import Quantity
 from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
-from softarm.estimator.diagnosis.valve_verdict import LEFT_OVER, not_compared, valve_diagnosis
+from softarm.estimator.diagnosis.valve_verdict import LEFT_OVER, not_compared, valve_diagnosis, wrong_sensors
 from softarm.estimator.diagnosis.valves import Ceiling, Gain, ValveLaw, ceilings_of, static, valves_of
 from softarm.estimator.errors import InputError
 from softarm.estimator.recording import Recording
@@ -312,6 +313,20 @@ def test_a_valve_that_delivers_a_share_of_its_set_point_is_named(nominal: float,
     (finding,) = found
     assert (finding.effect, finding.where) == ("chamber_gain", Place(chamber=0))
     assert finding.parameters["gain"].value == pytest.approx((1.0 + gain) / (1.0 + nominal) - 1.0, abs=0.003)
+
+
+@pytest.mark.parametrize(("gain", "noted"), [(0.25, True), (0.0, False)])
+def test_a_sensor_that_reads_a_share_is_one_fault_with_the_gain_that_makes_up_for_it(
+    gain: float, noted: bool
+) -> None:
+    faults = valve_findings(splits_of([_recording("low", law=(0.0, -0.2, 0.0, np.inf))]), [])
+    arm = replace(faults[0], parameters={"gain": Quantity(gain, 0.03, "1")})
+    notes = wrong_sensors([arm], faults)
+    assert bool(notes) is noted
+    if noted:
+        assert (
+            "Chamber 0: its pressure reads 0.80 times its set-point, and the arm moves as by 1.25" in notes[0]
+        )
 
 
 def test_no_law_is_judged_by_readings_that_it_has_seen() -> None:

@@ -32,6 +32,31 @@ NEEDED = (
 """What it takes to learn a valve's law and to judge it."""
 
 
+def wrong_sensors(of_arm: Sequence[Finding], of_valves: Sequence[Finding]) -> tuple[str, ...]:
+    """Note pressure sensors that read a wrong share: set-points and the arm both contradict them.
+
+    Args:
+        of_arm: What the arm does by its measured pressures.
+        of_valves: What measured pressures do by their set-points.
+    """
+    arm, valves = (
+        {one.where.chamber: one.parameters["gain"] for one in group if one.effect == "chamber_gain"}
+        for group in (of_arm, of_valves)
+    )
+    notes = []
+    for chamber in sorted(k for k in arm.keys() & valves.keys() if k is not None):
+        more, read = arm[chamber], valves[chamber]
+        product = (1.0 + more.value) * (1.0 + read.value)
+        std = np.hypot((1.0 + read.value) * more.std, (1.0 + more.value) * read.std)
+        if abs(product - 1.0) <= 2.0 * std:
+            notes.append(
+                f"Chamber {chamber}: its pressure reads {1.0 + read.value:.2f} times its set-point, and the "
+                f"arm moves as by {1.0 + more.value:.2f} times the reading. Both are one fault if the sensor "
+                "is wrong and the valve is not."
+            )
+    return tuple(notes)
+
+
 def not_compared(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple[str, ...]:
     """Note which valves the nominal recordings leave out while they hold others."""
     known = {split.valve.chamber for split in nominal}

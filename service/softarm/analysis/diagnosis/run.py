@@ -39,6 +39,7 @@ from softarm.estimator.diagnosis.valve_verdict import (
     not_compared,
     not_judged,
     valve_diagnosis,
+    wrong_sensors,
 )
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.effects.accepted import physics_entry
@@ -164,7 +165,10 @@ def run(
     beyond = outcome.fitted.beyond_prior if outcome.fitted is not None else ()
     intakes, known_touches = with_touches(intakes, admitted.nominal, outcome.touches)
     found = (*found, *(touch.statement for touch in known_touches), *beyond)
-    diagnosis = with_intakes(outcome.diagnosis.with_faults(faults), intakes, found, outcome.event_errors)
+    wrong = wrong_sensors(outcome.diagnosis.findings, faults)
+    diagnosis = with_intakes(
+        outcome.diagnosis.with_faults(faults), intakes, (*found, *wrong), outcome.event_errors
+    )
     diagnosis = replace(diagnosis, seconds=time.monotonic() - began)
     return replace(outcome, diagnosis=diagnosis)
 
