@@ -265,7 +265,7 @@ class Search:
         """Fit a hypothesis to first order beside what is accepted; ``None`` where that fails."""
         try:
             fit = fit_effects(problem, (self.evidence.library.hypotheses[number],), (theta,))
-            fit = self.conditioned(fit) if accepted is None else fit
+            fit = self.conditioned(fit, beside=accepted)
         except np.linalg.LinAlgError:
             return None
         return self.weighed(number, fit, accepted) if np.isfinite(fit.gain) else None
@@ -285,21 +285,19 @@ class Search:
         than its linearisation does.
         """
         fit = candidate.fit
-        # Only the first of all effects is conditioned on the frequency before all are fitted together.
-        frequency = self.natural_frequency if accepted is None else None
-        conditioned = frequency.conditioned if frequency is not None else lambda found: found
         if fit.hypotheses[-1].effect.has_choices and not fit.exact:
-            best = conditioned(fit_laws(problem, fit.hypotheses, fit.thetas))
+            best = self.conditioned(fit_laws(problem, fit.hypotheses, fit.thetas), beside=accepted)
             if best.gain > fit.gain:
                 candidate, fit = self.weighed(candidate.number, best, accepted), best
         if not self.solvable(fit) or fit.exact:
             return candidate
-        of_frequency = frequency.gain_of(fit) if frequency is not None else 0.0
-        if abs(gain_of(problem, fit.hypotheses, fit.thetas) + of_frequency - fit.gain) < ALIKE:
+        gain = gain_of(problem, fit.hypotheses, fit.thetas)
+        if accepted is None and self.natural_frequency is not None:
+            gain += self.natural_frequency.gain_of(fit)
+        if abs(gain - fit.gain) < ALIKE:
             return candidate
-        again = conditioned(
-            fit_effects(problem, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
-        )
+        again = fit_effects(problem, fit.hypotheses, fit.thetas, exact=True, iterations=EXACT_STEPS)
+        again = self.conditioned(again, beside=accepted)
         return self.weighed(candidate.number, again, accepted) if again.gain > fit.gain else candidate
 
     def solvable(self, fit: Fit, *, answering: bool = False) -> bool:
@@ -659,9 +657,14 @@ class Search:
             self.refitted[key] = self.conditioned(best)
         return self.refitted[key]
 
-    def conditioned(self, fit: Fit) -> Fit:
-        """Condition a fit on the natural frequency, where one was measured."""
-        return self.natural_frequency.conditioned(fit) if self.natural_frequency is not None else fit
+    def conditioned(self, fit: Fit, *, beside: Fit | None = None) -> Fit:
+        """Condition a fit on the natural frequency, where one was measured.
+
+        One beside other effects is not: it is conditioned once all are fitted together.
+        """
+        if self.natural_frequency is None or beside is not None:
+            return fit
+        return self.natural_frequency.conditioned(fit)
 
 
 def at_typical_sizes(parameters: Sequence[ParameterSpec], theta: Floats) -> list[Floats]:
