@@ -1,11 +1,16 @@
 """Arms that are held, let go and vibrate: the pose at rest, and the frequency as one more measurement."""
 
 from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.run import vibration_frequency
+from softarm.estimator.diagnosis import choose
+from softarm.estimator.diagnosis.candidates import Candidate
+from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.natural_frequency import (
@@ -131,6 +136,27 @@ def test_a_frequency_that_contradicts_a_payload_costs_it_its_gain() -> None:
     )
     assert agreeing == pytest.approx(100.0 + predicted**2 / SIGMA**2, rel=1e-3)
     assert contrary < 0.0
+
+
+def test_a_payload_that_a_frequency_supports_is_fitted_on_the_model_itself(monkeypatch) -> None:
+    """Both fits have gained the same by the frequency: what the model itself explains decides."""
+    payload = fit_of("tip_payload", 0.03, 1e-4, TIP)
+    predicted = NaturalFrequency(0.0, MASS).predicted(payload.hypotheses, payload.thetas)
+    frequency = NaturalFrequency(predicted, MASS)
+    search = cast(
+        "Any",
+        SimpleNamespace(
+            natural_frequency=frequency,
+            solvable=lambda _: True,
+            conditioned=lambda fit, **_: frequency.conditioned(fit),
+            weighed=lambda number, fit, _: Candidate(number, fit, 0.0),
+        ),
+    )
+    exact = replace(payload, gain=payload.gain + 10.0, exact=True)
+    monkeypatch.setattr(choose, "gain_of", lambda *_: payload.gain - 50.0)
+    monkeypatch.setattr(choose, "fit_effects", lambda *_, **__: exact)
+    first = Candidate(0, frequency.conditioned(payload), 0.0)
+    assert Search.resolved(search, first, cast("Any", None), None).fit.exact
 
 
 def test_no_frequency_makes_a_mass_negative() -> None:
