@@ -464,7 +464,7 @@ class Parametrisation:
 
     @property
     def spreads(self) -> Floats:
-        """Spread of the priors; those of amplitudes are wide, so that only the data speak of size."""
+        """Spread of the priors; that of an amplitude decides only where a shape makes up for any size."""
         spreads: Floats = np.maximum(np.array([_spread(p) for p in self.parameters]), 1e-3)
         return spreads
 
@@ -496,4 +496,4 @@ def _spread(parameter: ParameterSpec) -> float:
         return 0.0
     if parameter.transform == "log":
         return parameter.spread
-    return (10.0 if parameter.role == "amplitude" else 3.0) * parameter.spread / parameter.scale
+    return (1.0 if parameter.role == "amplitude" else 3.0) * parameter.spread / parameter.scale
