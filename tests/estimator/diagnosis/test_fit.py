@@ -155,3 +155,39 @@ def test_slopes_are_of_what_a_fit_moves():
     (slopes,) = slopes_of(none, (effect,), parametrisation, values, change)
     assert np.abs(slopes[:, 0]).max() > 0.0
     assert not slopes[:, 2].any()
+
+
+class Drifting:
+    """A stage on which readings follow A (1 - exp(-t / tau)), of which hardly more than A / tau shows."""
+
+    world = world()
+    ramp = np.linspace(0.0, 100.0, 400)[:, None] * np.ones((1, 2))
+
+    def change(self, effects: Sequence[PlacedEffect], **_: object) -> np.ndarray:
+        size, time_constant = effects[0].theta.tolist()
+        return size * (1.0 - np.exp(-self.ramp / time_constant))
+
+
+def test_where_a_shape_makes_up_for_any_size_its_prior_decides() -> None:
+    """Sizes and time constants are drawn from their priors; a wider prior makes three quarters err by 1.8."""
+    effect = Hypothesis(EFFECTS["thermal_drift"], Place())
+    change, time_constant = effect.effect.parameters
+    stage, noise = Drifting(), 0.1
+    weight, blocks = np.full(stage.ramp.shape, 1.0 / noise), np.zeros(len(stage.ramp), dtype=int)
+    unseen = np.zeros(len(stage.ramp), dtype=bool)
+    common = np.zeros((*stage.ramp.shape, 1), dtype=np.float32)
+    errors = []
+    for seed in range(120):
+        rng = np.random.default_rng(seed)
+        size = abs(rng.normal(0.0, change.spread))
+        late = time_constant.typical * np.exp(rng.normal(0.0, time_constant.spread))
+        shown = size * (1.0 - np.exp(-stage.ramp / late))
+        if shown.max() < 0.5 * noise:
+            continue
+        left = shown + rng.normal(0.0, noise, stage.ramp.shape)
+        parts = normal_equations(left, common, 1.0 / weight, blocks, unseen, unseen, 0, nominal=False)
+        view = RecordingResidual(cast("Stage", stage), left * weight, weight, common.reshape(-1, 1))
+        own = MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total(parts, 1))
+        fit = fit_effects(own, (effect,), (np.array([change.typical, time_constant.typical]),))
+        errors.append(abs(np.log(fit.thetas[0][0] / size)))
+    assert np.percentile(errors, 75) < np.log(1.5)
