@@ -1116,6 +1116,29 @@ def test_a_rival_that_is_likelier_than_not_takes_the_place_of_one_of_several(mon
     assert dropped == (["chamber_gain"] if refused else [])
 
 
+def test_a_rival_that_is_less_likely_once_it_is_fitted_takes_no_place(monkeypatch):
+    """Beside the fit of either one the other may seem likelier."""
+    place = Place(chamber=0)
+    gain = replace(fit_of("chamber_gain", 0.1), hypotheses=(hypothesis("chamber_gain", place),))
+    lag = Fit((hypothesis("line_lag", place),), (np.array([0.3]),), np.eye(1), gain.gain)
+    payload = candidate(fit_of("tip_payload", 0.02), 1000.0, 2)
+    field = (candidate(gain, 100.0, 0), candidate(lag, 100.0, 1))
+    accepted = (Accepted(field[0], judgement(), field), Accepted(payload, judgement(), (payload,)))
+    choice = ChosenEffects(accepted, gain.joined(payload.fit), 0.0, None)
+
+    def of(_: object, chosen: ChosenEffects, index: int) -> SimpleNamespace:
+        name = chosen.fit.hypotheses[index].name
+        likely = {"chamber_gain": 0.45, "line_lag": 0.2, "tip_payload": 1.0}[name]
+        return SimpleNamespace(or_alike=likely, each={("line_lag", place): 0.55})
+
+    search = weighing((*field, payload), [200.0, 230.0, 1000.0])
+    search.exchanged = lambda chosen, *_: replace(chosen, fit=lag.joined(payload.fit))
+    monkeypatch.setattr(conclude.Explanations, "of", of)
+    kept, _, dropped = without_improbable(search, choice, choice.fit)
+    assert kept is choice
+    assert dropped == []
+
+
 def weighing(field: Sequence[Candidate], gains: Sequence[float]) -> Any:
     """Return a search in which candidates explain so much beside the price of their parameters."""
     none, price = np.full(5, 400.0), 5.0

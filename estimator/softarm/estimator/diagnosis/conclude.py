@@ -379,7 +379,8 @@ def without_improbable(
 
     A rival that is likelier than not takes their place: what was taken back since they were chosen, as a lag
     beside a lost gain, may have stood for a part of it. What the law of a stronger effect leaves always has a
-    likeliest name. A single effect stays, for something acts; whether its name is stated, see ``undecided``.
+    likeliest name. A rival that is no likelier than not once all are fitted with it takes no place. A single
+    effect stays, for something acts; whether its name is stated, see ``undecided``.
 
     Args:
         search: The search.
@@ -391,20 +392,29 @@ def without_improbable(
         What is left of the choice, its sizes, and the names of what was taken back.
     """
     dropped: list[EffectName] = []
-    refused = set(disproved)
+    refused, preferred = set(disproved), set[int]()
     while sizes is not None and len(choice.accepted) > 1:
         sized = replace(choice, fit=sizes)
-        explained = [Explanations.of(search, sized, k) for k in range(len(choice.accepted))]
-        weakest = int(np.argmin([one.or_alike for one in explained]))
-        if explained[weakest].or_alike > LIKELIER:
+        explained = {
+            k: Explanations.of(search, sized, k)
+            for k, one in enumerate(choice.accepted)
+            if one.candidate.number not in preferred
+        }
+        weakest = min(explained, key=lambda k: explained[k].or_alike, default=None)
+        if weakest is None or explained[weakest].or_alike > LIKELIER:
             break
+        number = choice.accepted[weakest].candidate.number
         likelier = _likelier(search, choice.accepted[weakest], explained[weakest], refused)
-        refused.add(choice.accepted[weakest].candidate.number)
         if likelier is None:
             dropped.append(sizes.hypotheses[weakest].name)
-            choice = search.without(choice, [weakest])
+            other = search.without(choice, [weakest])
         else:
-            choice = search.exchanged(choice, weakest, likelier)
+            other = search.exchanged(choice, weakest, likelier)
+            if Explanations.of(search, other, weakest).or_alike <= LIKELIER:
+                preferred.add(number)
+                continue
+        refused.add(number)
+        choice = other
         choice, sizes, fragments = without_fragments(search, choice)
         dropped += fragments
     return choice, sizes, dropped
