@@ -125,5 +125,5 @@ def test_a_recording_of_which_no_valve_can_be_judged_is_named(
     words = ["--specimen", "sopra", "--jobs", "1"]
     assert run(["diagnose", str(valve), str(short), *words]) == 0
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("short: no valve can be judged; while one is open, more than 50 readings")
+    assert line.startswith("short: no valve can be judged; more than 50 readings of a set-point")
     assert run(["diagnose", str(short), *words]) == 2
