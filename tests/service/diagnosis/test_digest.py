@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from softarm.analysis.diagnosis.digest import (
+    _sources,
     digest_of,
     report_up_to_date,
     require_free_folder,
@@ -86,6 +87,13 @@ def test_whatever_goes_in_counts(request_of: DiagnosisRequest, tmp_path: Path) -
     ]
     (tmp_path / "run" / "recording.csv").write_text("t_s,pressure_0_pa\n0,1\n")
     assert len({digest, digest_of(request_of), *map(digest_of, others)}) == 7
+
+
+def test_compiled_code_does_not_count() -> None:
+    """It is kept beside the sources, and changes as functions are compiled."""
+    files = list(_sources())
+    assert not [path for path in files if "__pycache__" in path.parts]
+    assert {"sopra.npz", "sopra.toml", "choose.py", "load.py", "rods.py"} <= {path.name for path in files}
 
 
 def test_what_is_known_of_a_run_counts_where_its_table_is_given(tmp_path: Path) -> None:

@@ -28,6 +28,8 @@ SETTLED = 0.8
 """Seconds after a change at which a valve has settled; half of a short hold if its pressure then rests."""
 AT_REST = 100.0
 """Pressures that change by less between the halves of what is left of a short hold rest [Pa]."""
+LEAST_GAIN_STD = 1e-4
+"""Least standard deviation of a gain: no pressure sensor is linear to less of its reading."""
 FEW = 5
 """Samples that are averaged at least."""
 STEP = 2000.0
@@ -161,7 +163,8 @@ def gains_of(recordings: Sequence[Recording], ceilings: Mapping[int, Ceiling]) -
         if len(level) >= 4 and np.ptp(level) > 10e3:
             coefficients, covariance = np.polyfit(level, error, 1, cov=True)
             value = float(coefficients[0])
-            gains[chamber] = Gain(value if abs(value) > 0.01 else 0.0, float(np.sqrt(covariance[0, 0])))
+            std = max(float(np.sqrt(covariance[0, 0])), LEAST_GAIN_STD)
+            gains[chamber] = Gain(value if abs(value) > 0.01 else 0.0, std)
     return gains
 
 

@@ -59,10 +59,8 @@ def require_free_folder(out: Path, request: DiagnosisRequest, *, force: bool) ->
         earlier = set(read_report(out).recordings)
     except InputError:
         return
-    places = [path.resolve() for path in request.recordings]
-    names = {
-        name for place in places for name in (place.stem, place.parent.name)
-    }  # recording.csv is its folder's
+    # A recording is called after its file, or after its folder where that is recording.csv.
+    names = {name for path in map(Path.resolve, request.recordings) for name in (path.stem, path.parent.name)}
     if not force and not any(name.endswith(tuple(names)) for name in earlier):
         raise InputError(
             str(out),
@@ -109,4 +107,6 @@ def _sources() -> Iterator[Path]:
     """List the files of the program on which a diagnosis depends, shipped rods and specimens among them."""
     yield Path(rods.__file__)
     for folder in (Path(estimator.__path__[0]), Path(recordings.__path__[0]), Path(__file__).parents[1]):
-        yield from sorted(path for path in folder.rglob("*") if path.is_file() and path.suffix != ".pyc")
+        files = (path for path in folder.rglob("*") if path.is_file())
+        # Compiled code appears as the program runs.
+        yield from sorted(path for path in files if "__pycache__" not in path.parts)
