@@ -1091,9 +1091,8 @@ def test_of_several_effects_one_that_is_no_likelier_than_a_rival_is_withdrawn(
     assert sizes is kept.fit
 
 
-@pytest.mark.parametrize(("refused", "name"), [((), "line_lag"), ((1,), "tip_payload")])
-def test_a_rival_that_is_likelier_than_not_takes_the_place_of_one_of_several(monkeypatch, refused, name):
-    """It was chosen beside one that was taken back since; not so if confirming data disprove the rival."""
+def gain_or_lag_beside_a_payload() -> tuple[ChosenEffects, tuple[Candidate, Candidate], Candidate]:
+    """Accept a gain of chamber 0, whose rival is a lag there, and a payload."""
     place = Place(chamber=0)
     gain = replace(fit_of("chamber_gain", 0.1), hypotheses=(hypothesis("chamber_gain", place),))
     lag = Fit((hypothesis("line_lag", place),), (np.array([0.3]),), np.eye(1), gain.gain)
@@ -1101,6 +1100,13 @@ def test_a_rival_that_is_likelier_than_not_takes_the_place_of_one_of_several(mon
     field = (candidate(gain, 100.0, 0), candidate(lag, 100.0, 1))
     accepted = (Accepted(field[0], judgement(), field), Accepted(payload, judgement(), (payload,)))
     choice = ChosenEffects(accepted, gain.joined(payload.fit), 0.0, None)
+    return choice, field, payload
+
+
+@pytest.mark.parametrize(("refused", "name"), [((), "line_lag"), ((1,), "tip_payload")])
+def test_a_rival_that_is_likelier_than_not_takes_the_place_of_one_of_several(monkeypatch, refused, name):
+    """It was chosen beside one that was taken back since; not so if confirming data disprove the rival."""
+    choice, field, payload = gain_or_lag_beside_a_payload()
 
     def exchanged(choice, number, one):
         assert number == 0
@@ -1118,21 +1124,15 @@ def test_a_rival_that_is_likelier_than_not_takes_the_place_of_one_of_several(mon
 
 def test_a_rival_that_is_less_likely_once_it_is_fitted_takes_no_place(monkeypatch):
     """Beside the fit of either one the other may seem likelier."""
-    place = Place(chamber=0)
-    gain = replace(fit_of("chamber_gain", 0.1), hypotheses=(hypothesis("chamber_gain", place),))
-    lag = Fit((hypothesis("line_lag", place),), (np.array([0.3]),), np.eye(1), gain.gain)
-    payload = candidate(fit_of("tip_payload", 0.02), 1000.0, 2)
-    field = (candidate(gain, 100.0, 0), candidate(lag, 100.0, 1))
-    accepted = (Accepted(field[0], judgement(), field), Accepted(payload, judgement(), (payload,)))
-    choice = ChosenEffects(accepted, gain.joined(payload.fit), 0.0, None)
+    choice, field, payload = gain_or_lag_beside_a_payload()
 
     def of(_: object, chosen: ChosenEffects, index: int) -> SimpleNamespace:
         name = chosen.fit.hypotheses[index].name
         likely = {"chamber_gain": 0.45, "line_lag": 0.2, "tip_payload": 1.0}[name]
-        return SimpleNamespace(or_alike=likely, each={("line_lag", place): 0.55})
+        return SimpleNamespace(or_alike=likely, each={("line_lag", Place(chamber=0)): 0.55})
 
     search = weighing((*field, payload), [200.0, 230.0, 1000.0])
-    search.exchanged = lambda chosen, *_: replace(chosen, fit=lag.joined(payload.fit))
+    search.exchanged = lambda chosen, *_: replace(chosen, fit=field[1].fit.joined(payload.fit))
     monkeypatch.setattr(conclude.Explanations, "of", of)
     kept, _, dropped = without_improbable(search, choice, choice.fit)
     assert kept is choice

@@ -240,7 +240,8 @@ def _check_motion(recording: Recording) -> None:
 
 def _time_notes(recording: Recording) -> list[str]:
     """Report gaps, jumps of the clock, and sensors that lost many of their readings."""
-    notes = [_break_note(recording)] if _breaks(recording.time) else []
+    broken = _breaks(recording.time)
+    notes = [_break_note(recording)] if broken else []
     notes += [
         f"{recording.name}: pressure_{chamber} was never read; its set-point stands in for it."
         for chamber in recording.chambers
@@ -262,7 +263,7 @@ def _time_notes(recording: Recording) -> list[str]:
             if lost > max(0.2, least + 0.01)
         ]
         observed = np.logical_or.reduce(list(axes.values()))
-        if least <= 0.2 and _breaks(recording.time[observed]) and not _breaks(recording.time) and not gaps:
+        if least <= 0.2 and not broken and not gaps and _breaks(recording.time[observed]):
             longest = float(np.diff(recording.time[observed]).max())
             gaps.append(f"{recording.name}: {sensor} has a gap of {longest:.2f} s.")
     return [*notes, *gaps]

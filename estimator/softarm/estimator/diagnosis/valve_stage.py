@@ -105,6 +105,25 @@ class Split:
         return float(np.sqrt(np.mean(change[self.heldout] ** 2)))
 
 
+@dataclass(frozen=True)
+class ComparedValve:
+    """One valve in question beside what nominal recordings show of it.
+
+    Args:
+        chamber: Its chamber.
+        splits: What was learnt of it from the recordings in question.
+        references: The same from nominal recordings.
+        evidence: How well its laws predict what they have not seen.
+        valves: Number of valves that were looked at.
+    """
+
+    chamber: int
+    splits: Sequence[Split]
+    references: Sequence[Split]
+    evidence: Evidence
+    valves: int
+
+
 def splits_of(recordings: Sequence[Recording]) -> list[Split]:
     """Learn each valve's law from the first half of its activity in each recording."""
     splits = []
@@ -170,13 +189,14 @@ def valve_findings(suspects: Sequence[Split], nominal: Sequence[Split]) -> tuple
     for chamber in chambers:
         splits, references = of_chamber(suspects, chamber), of_chamber(nominal, chamber)
         evidence = _evidence(splits)
-        findings += _ceiling(chamber, splits, references, evidence)
+        valve = ComparedValve(chamber, splits, references, evidence, len(chambers))
+        findings += _ceiling(valve)
         if nominal and not references:
             continue
         if 2.0 * evidence.log_bayes_factor >= LEAST_BIC and evidence.heldout_after < evidence.heldout_before:
-            findings += _steady(chamber, splits, references, scatter, between_holds, evidence, len(chambers))
-            findings += _gain(chamber, splits, references, scatter, between_holds, evidence, len(chambers))
-            findings += _delays(chamber, splits, references, jitter, evidence, len(chambers))
+            findings += _steady(valve, scatter, between_holds)
+            findings += _gain(valve, scatter, between_holds)
+            findings += _delays(valve, jitter)
     return tuple(findings)
 
 
@@ -230,34 +250,25 @@ def _jitter(split: Split) -> float:
     return reading_interval(split.time, split.measured) / float(np.sqrt(12.0))
 
 
-def _ceiling(
-    chamber: int, splits: Sequence[Split], references: Sequence[Split], evidence: Evidence
-) -> list[Finding]:
+def _ceiling(valve: ComparedValve) -> list[Finding]:
     """Report a pressure that is not passed; a law learnt before it was met cannot be judged by it."""
-    met = [split.valve.law.ceiling for split in splits]
+    met = [split.valve.law.ceiling for split in valve.splits]
     met = [ceiling for ceiling in met if np.isfinite(ceiling.pressure)]
-    if not met or any(np.isfinite(split.valve.law.ceiling.pressure) for split in references):
+    if not met or any(np.isfinite(split.valve.law.ceiling.pressure) for split in valve.references):
         return []
     ceiling = float(np.median([one.pressure for one in met]))
-    lost = max(float(split.setpoint.max()) for split in splits) - ceiling
+    lost = max(float(split.setpoint.max()) for split in valve.splits) - ceiling
     if lost <= LEAST_LOSS:
         return []
-    words = f"The pressure in chamber {chamber} stops at {1e-3 * ceiling:.1f} kPa, below its set-point."
+    words = f"The pressure in chamber {valve.chamber} stops at {1e-3 * ceiling:.1f} kPa, below its set-point."
     quantity = {"ceiling": Quantity(ceiling, CEILING_STD, "Pa")}
     sure = _probability(lost, CEILING_STD, len(met)) * (1.0 - max(one.chance for one in met))
-    return [_finding("pressure_saturation", chamber, words, quantity, sure, evidence, "pressure level")]
+    return [_finding("pressure_saturation", valve, words, quantity, sure, "pressure level")]
 
 
-def _steady(
-    chamber: int,
-    splits: Sequence[Split],
-    references: Sequence[Split],
-    scatter: float,
-    between_holds: float,
-    evidence: Evidence,
-    valves: int,
-) -> list[Finding]:
+def _steady(valve: ComparedValve, scatter: float, between_holds: float) -> list[Finding]:
     """Report a steady error, or one that is new where there are nominal recordings."""
+    splits, references = valve.splits, valve.references
     ours, theirs = _offsets(splits), _offsets(references)
     if not ours or (references and not theirs):
         return []
@@ -266,7 +277,7 @@ def _steady(
     spread = _spread(within, scatter, len(ours), len(theirs))
 
     def surely(size: float) -> float:
-        return _probability(abs(size), spread, len(ours) + len(theirs), valves)
+        return _probability(abs(size), spread, len(ours) + len(theirs), valve.valves)
 
     # What is read when vented as well is an offset of the sensor and no property of the valve.
     vented = _vented_change(splits, references)
@@ -278,24 +289,23 @@ def _steady(
     seen = any(split.valve.law.deadband > band for split in splits)
     findings = []
     if opened < 0.0 and (seen or (references and not offset)):
-        findings.append(_deadband(chamber, -opened, spread, surely(opened), evidence, seen=seen))
+        findings.append(_deadband(valve, -opened, spread, surely(opened), seen=seen))
         opened = 0.0
     if not offset and not opened:
         return findings
     size = offset + opened
-    words = f"The pressure in chamber {chamber} is off by {1e-3 * size:+.2f} kPa"
+    words = f"The pressure in chamber {valve.chamber} is off by {1e-3 * size:+.2f} kPa"
     words += " while its valve is open." if opened else ", open or vented."
     if offset and opened:
         words += f" Vented, its sensor reads {1e-3 * offset:+.2f} kPa."
-    rivals = (_alike("valve_deadband", chamber, 0.0),) if opened < 0.0 else ()
+    rivals = (_alike("valve_deadband", valve.chamber, 0.0),) if opened < 0.0 else ()
     findings.append(
         _finding(
             "pressure_bias",
-            chamber,
+            valve,
             words,
             {"bias": Quantity(size, spread, "Pa")},
             max(surely(offset), surely(opened)) / (1 + len(rivals)),
-            evidence,
             "pressure level" if opened else "constant",
             rivals,
         )
@@ -303,16 +313,9 @@ def _steady(
     return findings
 
 
-def _gain(
-    chamber: int,
-    splits: Sequence[Split],
-    references: Sequence[Split],
-    scatter: float,
-    between_holds: float,
-    evidence: Evidence,
-    valves: int,
-) -> list[Finding]:
+def _gain(valve: ComparedValve, scatter: float, between_holds: float) -> list[Finding]:
     """Report an error that grows with the set-point, by what it amounts to at the highest set-point."""
+    splits, references = valve.splits, valve.references
     ours, theirs = (group[0].valve.law.gain if group else Gain() for group in (splits, references))
     if not ours.std or (references and not theirs.std):
         return []
@@ -321,32 +324,28 @@ def _gain(
     other = _spread(between_holds, scatter, len(splits), len(references))
     spread = float(np.hypot(other, highest * np.hypot(ours.std, theirs.std)))
     error = abs(change) * highest
-    sure = _probability(error, spread, len(splits) + len(references), valves)
+    sure = _probability(error, spread, len(splits) + len(references), valve.valves)
     if error <= LEAST_BIAS or sure < NAMED:
         return []
-    words = f"The pressure in chamber {chamber} is {1.0 + change:.2f} times "
+    words = f"The pressure in chamber {valve.chamber} is {1.0 + change:.2f} times "
     words += "what it was in nominal recordings." if references else "its set-point."
     quantity = {"gain": Quantity(change, spread / highest, "1")}
-    return [_finding("chamber_gain", chamber, words, quantity, sure, evidence, "pressure level")]
+    return [_finding("chamber_gain", valve, words, quantity, sure, "pressure level")]
 
 
-def _deadband(
-    chamber: int, band: float, std: float, probability: float, evidence: Evidence, *, seen: bool
-) -> Finding:
+def _deadband(valve: ComparedValve, band: float, std: float, probability: float, *, seen: bool) -> Finding:
     """Report a dead band: seen where some set-point had no effect, else likelier than a bias."""
     rivals: tuple[Rival, ...] = ()
-    words = f"The first {1e-3 * band:.2f} kPa of the set-point of chamber {chamber} have no effect."
+    words = f"The first {1e-3 * band:.2f} kPa of the set-point of chamber {valve.chamber} have no effect."
     if not seen:
         words = (
-            f"The pressure in chamber {chamber} stays {1e-3 * band:.2f} kPa further below its set-point than "
+            f"The pressure in chamber {valve.chamber} stays {1e-3 * band:.2f} kPa further below its "
+            "set-point than in nominal recordings."
         )
-        words += "in nominal recordings."
-        rivals = (_alike("pressure_bias", chamber, np.log(DEADBAND / (1.0 - DEADBAND))),)
+        rivals = (_alike("pressure_bias", valve.chamber, np.log(DEADBAND / (1.0 - DEADBAND))),)
         probability *= DEADBAND
     quantity = {"band": Quantity(band, std, "Pa")}
-    return _finding(
-        "valve_deadband", chamber, words, quantity, probability, evidence, "pressure level", rivals
-    )
+    return _finding("valve_deadband", valve, words, quantity, probability, "pressure level", rivals)
 
 
 def _alike(effect: EffectName, chamber: int, log_bayes_factor: float) -> Rival:
@@ -370,17 +369,10 @@ def _vented_change(splits: Sequence[Split], references: Sequence[Split]) -> floa
     return float(np.mean(read)) - (float(np.mean(before)) if before else 0.0)
 
 
-def _delays(
-    chamber: int,
-    suspects: Sequence[Split],
-    nominal: Sequence[Split],
-    jitter: float,
-    evidence: Evidence,
-    valves: int,
-) -> list[Finding]:
+def _delays(valve: ComparedValve, jitter: float) -> list[Finding]:
     """Report a dead time and a lag, or by how much a valve has become later, or quicker."""
-    splits, references = _timed(suspects), _timed(nominal)
-    if not splits or (nominal and not references):
+    splits, references = _timed(valve.splits), _timed(valve.references)
+    if not splits or (valve.references and not references):
         return []
     dead, lag = (float(np.mean(values)) for values in _times(splits))
     dead_before, lag_before = (float(np.mean(values)) if references else 0.0 for values in _times(references))
@@ -388,21 +380,21 @@ def _delays(
     recordings = 1.0 / len(splits) + (1.0 / len(references) if references else 0.0)
     spread = jitter * float(np.sqrt(recordings))
     change = late + slower
-    sure = _probability(abs(change), spread, len(splits) + len(references), valves)
+    sure = _probability(abs(change), spread, len(splits) + len(references), valve.valves)
     if abs(change) <= LEAST_DELAY or sure < NAMED:
         return []
     deviation = max(spread, float(np.hypot(_timing_std(splits), _timing_std(references))))
-    resolution = max(_jitter(split) for split in suspects)
+    resolution = max(_jitter(split) for split in valve.splits)
     words = (
-        f"The valve of chamber {chamber} responds {1e3 * dead:.0f} ms after its set-point, and then settles "
-        f"with a time constant of {1e3 * lag:.0f} ms"
+        f"The valve of chamber {valve.chamber} responds {1e3 * dead:.0f} ms after its set-point, and then "
+        f"settles with a time constant of {1e3 * lag:.0f} ms"
     )
     words += f", {1e3 * change:+.0f} ms from nominal recordings." if references else "."
     quantities = {
         name: Quantity(value if abs(value) > resolution else 0.0, deviation, "s")
         for name, value in (("lag", slower), ("dead_time", late))
     }
-    return [_finding("line_lag", chamber, words, quantities, sure, evidence, "time since a change")]
+    return [_finding("line_lag", valve, words, quantities, sure, "time since a change")]
 
 
 def _spread(within: float, between: float, suspects: int, nominal: int) -> float:
@@ -487,16 +479,15 @@ def _evidence(splits: Sequence[Split]) -> Evidence:
 
 def _finding(
     effect: EffectName,
-    chamber: int,
+    valve: ComparedValve,
     words: str,
     quantities: dict[str, Quantity],
     probability: float,
-    evidence: Evidence,
     when: str,
     rivals: tuple[Rival, ...] = (),
 ) -> Finding:
     shows = "Set-point and measured pressure show it, so it is in the valve or its sensor and not in the arm."
-    place = Place(chamber=chamber)
+    place = Place(chamber=valve.chamber)
     return Finding(
-        effect, place, when, f"{words} {shows}", quantities, evidence, rivals, probability=probability
+        effect, place, when, f"{words} {shows}", quantities, valve.evidence, rivals, probability=probability
     )
