@@ -15,9 +15,10 @@ from softarm.estimator.diagnosis.fit import (
     slopes_of,
     whitened,
 )
+from softarm.estimator.diagnosis.folds import Marginaliser
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
-from softarm.estimator.diagnosis.normal_equations import normal_equations, total
+from softarm.estimator.diagnosis.normal_equations import NormalEquations, normal_equations, total
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS, Spot
 from softarm.estimator.effects.placed import PlacedEffect
@@ -38,6 +39,12 @@ class Runaway:
         return SHAPE * (size / (1.0 + size) if exact else size)
 
 
+def problem_of(view: RecordingResidual, parts: Sequence[NormalEquations]) -> MarginalisedProblem:
+    """Return the fit of one recording beside one common coefficient."""
+    prior = Gaussian(np.zeros(1), np.eye(1))
+    return MarginalisedProblem((view,), Marginaliser.of(total(parts, 1), prior, 1.0))
+
+
 def problem() -> MarginalisedProblem:
     left = SHAPE * SIZE / (1.0 + SIZE) + np.random.default_rng(3).normal(0.0, 1e-3, SHAPE.shape)
     weight, blocks = np.full(SHAPE.shape, 1e3), np.zeros(len(SHAPE), dtype=int)
@@ -46,7 +53,7 @@ def problem() -> MarginalisedProblem:
         left, common, np.full(SHAPE.shape, 1e-3), blocks, unseen, unseen, 0, nominal=False
     )
     view = RecordingResidual(cast("Stage", Runaway()), left * weight, weight, (common * 1e3).reshape(-1, 1))
-    return MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total(parts, 1))
+    return problem_of(view, parts)
 
 
 @pytest.mark.parametrize("start", [-0.05, -0.45, 0.2])
@@ -90,7 +97,7 @@ def test_a_wall_is_fitted_on_the_model_itself():
     weight = np.full(SHAPE.shape, 1e3)
     blank = np.zeros((SHAPE.size, 1), dtype=np.float32)
     view = RecordingResidual(cast("Stage", Stiffening()), left * weight, weight, blank)
-    none = MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total([], 1))
+    none = MarginalisedProblem.alone([view])
     linear = fit_effects(none, (effect,), (np.array([60.0, 0.0, 0.0]),))
     exact = fit_effects(none, (effect,), linear.thetas, exact=True)
     assert float(linear.thetas[0][0]) < 150.0
@@ -108,7 +115,7 @@ def test_the_stiffness_of_a_hard_wall_lies_within_two_deviations(stiffness: floa
         weight = np.full(SHAPE.shape, 1.0 / (0.03 * np.sqrt((Walled.depth**2).sum())))  # one error for all
         blank = np.zeros((SHAPE.size, 1), dtype=np.float32)
         view = RecordingResidual(cast("Stage", Walled()), left * weight, weight, blank)
-        none = MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total([], 1))
+        none = MarginalisedProblem.alone([view])
         found = fit_effects(none, (effect,), (np.array([60.0, 0.0, 0.0]),))
         inside += abs(float(found.thetas[0][0]) - stiffness) < 2.0 * float(found.stds(0)[0])
     assert inside >= 18
@@ -134,7 +141,7 @@ def test_no_fit_moves_a_choice_and_each_is_tried(relaxed: float, start: float):
     blank = np.zeros((SHAPE.size, 1), dtype=np.float32)
     left = Creeping().change([truth]) * weight
     view = RecordingResidual(cast("Stage", Creeping()), left, weight, blank)
-    none = MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total([], 1))
+    none = MarginalisedProblem.alone([view])
     kept = fit_effects(none, (effect,), (np.array([0.1, 5.0, start]),))
     best = fit_laws(none, (effect,), (np.array([0.1, 5.0, start]),))
     assert kept.thetas[0][2] == start
@@ -148,7 +155,7 @@ def test_slopes_are_of_what_a_fit_moves():
     effect = Hypothesis(EFFECTS["viscoelastic_creep"], Place())
     blank = np.zeros((SHAPE.size, 1), dtype=np.float32)
     view = RecordingResidual(cast("Stage", Creeping()), SHAPE, np.ones(SHAPE.shape), blank)
-    none = MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total([], 1))
+    none = MarginalisedProblem.alone([view])
     parametrisation = Parametrisation.of((effect,))
     values = parametrisation.units(np.array([0.3, 5.0, 0.0]))
     change = whitened(none, (effect,), parametrisation.split(values), exact=False)
@@ -187,7 +194,7 @@ def test_where_a_shape_makes_up_for_any_size_its_prior_decides() -> None:
         left = shown + rng.normal(0.0, noise, stage.ramp.shape)
         parts = normal_equations(left, common, 1.0 / weight, blocks, unseen, unseen, 0, nominal=False)
         view = RecordingResidual(cast("Stage", stage), left * weight, weight, common.reshape(-1, 1))
-        own = MarginalisedProblem.of([view], Gaussian(np.zeros(1), np.eye(1)), 1.0, total(parts, 1))
+        own = problem_of(view, parts)
         fit = fit_effects(own, (effect,), (np.array([change.typical, time_constant.typical]),))
         errors.append(abs(np.log(fit.thetas[0][0] / size)))
     assert np.percentile(errors, 75) < np.log(1.5)

@@ -8,10 +8,8 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem, RecordingResidual, gain_of
-from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.law_error import SHARE, gain_beside_law_errors, gradient_covariance
 from softarm.estimator.diagnosis.library import Hypothesis
-from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import Place
 from tests.estimator.simulation.straight_arm import world
@@ -39,8 +37,7 @@ def problem_of(*, of_its_own: bool) -> tuple[MarginalisedProblem, Fit]:
         left = strong + weak + rng.normal(size=(SAMPLES, ROWS))
         blank = np.zeros((left.size, 1), dtype=np.float32)
         residuals.append(RecordingResidual(cast("Any", stage), left, np.ones_like(left), blank))
-    none = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)
-    problem = MarginalisedProblem.of(residuals, Gaussian(np.zeros(1), np.eye(1)), 1.0, none)
+    problem = MarginalisedProblem.alone(residuals)
     fit = Fit((STRONG, WEAK), (np.ones(1), np.ones(1)), np.eye(2), 0.0)
     return problem, fit
 

@@ -231,10 +231,7 @@ class Search:
             common = self.evidence.columns[number][used] * weight[used][:, None].astype(np.float32)
             scaled = np.nan_to_num(residual) * weight
             weighted.append(RecordingResidual(stage, scaled, weight, common, placed_in(stage, fit)))
-        normal_equations = total(self.searched(fit), self.evidence.size)
-        return MarginalisedProblem.of(
-            weighted, self.prior, self.weights.effective_sample_fraction, normal_equations
-        )
+        return MarginalisedProblem(tuple(weighted), self.folds(fit).whole)
 
     def finalists(
         self, problem: MarginalisedProblem, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]

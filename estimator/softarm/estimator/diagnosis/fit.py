@@ -9,9 +9,10 @@ from numba import njit
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Flags, Floats, Indices
-from softarm.estimator.diagnosis.gaussian import Factor, Gaussian
+from softarm.estimator.diagnosis.folds import Marginaliser
+from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
-from softarm.estimator.diagnosis.normal_equations import Total
+from softarm.estimator.diagnosis.normal_equations import NewColumns, Total
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import ParameterSpec
 from softarm.estimator.effects.placed import PlacedEffect
@@ -55,60 +56,36 @@ class RecordingResidual:
 
 @dataclass(frozen=True)
 class MarginalisedProblem:
-    """The common coefficients' normal equations, factorised once for all fits.
+    """What fits see, with the common coefficients marginalised.
 
     Args:
         residuals: Of each session.
-        prior: Of the common coefficients.
-        fraction: Effective sample fraction: independent samples over samples.
-        factor: Factor of fraction C^T C + P.
-        right: fraction C^T (r - C m), shape (columns,).
+        stretches: All of their stretches that fits see.
     """
 
     residuals: tuple[RecordingResidual, ...]
-    prior: Gaussian
-    fraction: float
-    factor: Factor
-    right: Floats
+    stretches: Marginaliser
 
     @classmethod
-    def of(
-        cls, residuals: Sequence[RecordingResidual], prior: Gaussian, fraction: float, data: Total
-    ) -> "MarginalisedProblem":
-        """Prepare fits to residuals whose normal equations are known."""
-        right = data.vector - data.matrix @ prior.mean
-        return cls(
-            tuple(residuals),
-            prior,
-            fraction,
-            Factor.of(fraction * data.matrix + prior.precision),
-            fraction * right,
-        )
-
-    @cached_property
-    def _innovations(self) -> list[Floats]:
-        """What the prior mean leaves of each session, each of shape (seen,)."""
-        return [
-            recorded.residual.ravel()[recorded.seen] - recorded.common @ self.prior.mean
-            for recorded in self.residuals
-        ]
+    def alone(cls, residuals: Sequence[RecordingResidual], fraction: float = 1.0) -> "MarginalisedProblem":
+        """Prepare fits beside nothing common; residuals then have one common column, of zeros."""
+        none = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)
+        return cls(tuple(residuals), Marginaliser.of(none, Gaussian(np.zeros(1), np.eye(1)), fraction))
 
     def projected(self, changes: Sequence[Floats]) -> tuple[Floats, Floats]:
         """Return M and b for whitened changes of all sessions, each of shape (samples * rows, k)."""
         k = changes[0].shape[1]
-        gram, right = np.zeros((k, k)), np.zeros(k)
-        cross = np.zeros((len(self.right), k))
-        for recorded, innovation, change in zip(self.residuals, self._innovations, changes, strict=True):
+        gram, vector = np.zeros((k, k)), np.zeros(k)
+        cross = np.zeros((len(self.stretches.right), k))
+        for recorded, change in zip(self.residuals, changes, strict=True):
             seen = change[recorded.seen]
             # A trial beyond all stable equilibria may overflow; its gain is not finite, so it is refused.
             with np.errstate(over="ignore", invalid="ignore"):
                 gram += seen.T @ seen
-                right += seen.T @ innovation
+                vector += seen.T @ recorded.residual.ravel()[recorded.seen]
                 cross += _cross(recorded.common, np.ascontiguousarray(seen.T, dtype=np.float32)).T
-        solved = self.factor.solve(self.fraction * cross)
-        matrix: Floats = self.fraction * (gram - cross.T @ solved)
-        vector: Floats = self.fraction * right - solved.T @ self.right
-        return matrix, vector
+        marginal = self.stretches.marginal(NewColumns(cross, gram, vector))
+        return marginal.matrix, marginal.vector
 
 
 @njit(cache=True, nogil=True)

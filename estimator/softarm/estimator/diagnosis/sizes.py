@@ -48,11 +48,9 @@ from softarm.estimator.diagnosis.fit import (
     slopes_of,
     whitened,
 )
-from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.judge import MATERIAL
 from softarm.estimator.diagnosis.law_error import gain_beside_law_errors, gradient_covariance
 from softarm.estimator.diagnosis.library import Hypothesis
-from softarm.estimator.diagnosis.normal_equations import Total
 from softarm.estimator.effects import ParameterSpec
 from softarm.estimator.specimen.physics import EffectName
 
@@ -104,9 +102,7 @@ def sized(search: Search, fit: Fit) -> Fit:
     if not knows_common(search):
         return fit
     residuals, columns = plain_residuals(search)
-    problem = MarginalisedProblem.of(
-        residuals, Gaussian(np.zeros(1), np.eye(1)), search.weights.effective_sample_fraction, _NOTHING
-    )
+    problem = MarginalisedProblem.alone(residuals, search.weights.effective_sample_fraction)
     moving = np.array([_is_sized(h, p) for h in fit.hypotheses for p in h.effect.parameters])
     found = fit_effects(problem, fit.hypotheses, fit.thetas, moving=moving)
     if search.solvable(fit, answering=True):
@@ -263,9 +259,6 @@ def fragments(search: Search, fit: Fit) -> dict[int, float]:
         if least < DECIDES:
             found[number] = least
     return found
-
-
-_NOTHING = Total(0, np.zeros((1, 1)), np.zeros(1), 0.0)
 
 
 def plain_residuals(search: Search) -> tuple[list[RecordingResidual], list[Singles]]:
