@@ -11,7 +11,7 @@ from acceptance.proof.alternatives import alternatives_table
 from acceptance.proof.cost import cost_table
 from acceptance.proof.force import force_table
 from acceptance.proof.schedule import SealedTrial, schedule
-from acceptance.proof.sensitivity import sensitivity_table
+from acceptance.proof.sensitivity import sensitivity_tables
 from acceptance.proof.swing import swing_table
 from acceptance.proof.touches import touches_table
 from acceptance.proof.trial import Folders, forget, lay_out, name_of, record
@@ -115,7 +115,7 @@ def command(
     if "touches" in parts:
         tables.append(touches_table(read_trials(folders.trials), folders, notify))
     if "sensitivity" in parts:
-        tables.append(sensitivity_table(read_trials(folders.trials), folders.root / "products", notify))
+        tables += sensitivity_tables(read_trials(folders.trials), folders.root / "products", notify)
     show(*tables, as_json=as_json)
     if write is not None:
         write_page(write, tables, HEAD)

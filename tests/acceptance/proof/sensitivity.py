@@ -22,8 +22,10 @@ from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.diagnose import Assembled, begin, decide
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.valve_stage import splits_of, valve_findings
 from softarm.estimator.effects import describe
 from softarm.estimator.specimen import load_specimen
+from softarm.recordings import load_recording
 
 PACKAGE = "softarm.estimator.diagnosis"
 OF_THE_NOISE = ("evidence", "nominal")
@@ -32,6 +34,8 @@ OF_THE_CHOICE = (
     "conclude", "diagnose",
 )  # fmt: skip
 """Modules whose constants decide: before anything is fitted, and after."""
+OF_THE_VALVES = ("valves", "valve_stage")
+"""Modules whose constants decide what is said of valves, by set-points and measured pressures alone."""
 OF_THE_FITS = frozenset({"MOST_SURPRISE", "ALIKE", "EXACT_STEPS"})
 """Constants of the choice that change fits, so that none may be kept from other values."""
 STEP = 0.2
@@ -60,32 +64,36 @@ class DecidingConstant:
 
 
 @cache
-def deciding_constants() -> tuple[DecidingConstant, ...]:
+def deciding_constants(
+    modules: tuple[str, ...] = (*OF_THE_NOISE, *OF_THE_CHOICE),
+) -> tuple[DecidingConstant, ...]:
     """Read every number of the modules that decide, with its text; neighbours may share one."""
     found: list[DecidingConstant] = []
-    for module in (*OF_THE_NOISE, *OF_THE_CHOICE):
-        lines = ast.parse(inspect.getsource(importlib.import_module(f"{PACKAGE}.{module}"))).body
-        named: list[tuple[str, float]] = []
-        for line in lines:
-            if isinstance(line, ast.Assign) and isinstance(line.value, ast.Constant):
-                number, target = line.value.value, line.targets[0]
-                if isinstance(target, ast.Name) and isinstance(number, int | float):
-                    named.append((target.id, float(number)))
-            elif isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant) and named:
+    for name in modules:
+        module = importlib.import_module(f"{PACKAGE}.{name}")
+        numbers: list[tuple[str, float]] = []
+        for line in ast.parse(inspect.getsource(module)).body:
+            if isinstance(line, ast.Assign):
+                values = [(one, getattr(module, one)) for one in _targets(line)]
+                numbers += [(one, value) for one, value in values if isinstance(value, int | float)]
+            elif isinstance(line, ast.Expr) and isinstance(line.value, ast.Constant) and numbers:
                 source = " ".join(str(line.value.value).split())
-                found += [DecidingConstant(module, name, number, source) for name, number in named]
-                named = []
-        found += [DecidingConstant(module, name, number, "") for name, number in named]
+                found += [DecidingConstant(name, one, value, source) for one, value in numbers]
+                numbers = []
+        found += [DecidingConstant(name, one, value, "") for one, value in numbers]
     return tuple(found)
+
+
+def _targets(line: ast.Assign) -> list[str]:
+    """List the names to which a line gives values."""
+    return [node.id for target in line.targets for node in ast.walk(target) if isinstance(node, ast.Name)]
 
 
 @cache
 def _assigned(module: str) -> frozenset[str]:
     """List the names that a module gives a value of its own, at its top."""
     lines = ast.parse(inspect.getsource(importlib.import_module(module))).body
-    targets = [target for line in lines if isinstance(line, ast.Assign) for target in line.targets]
-    names = [node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)]
-    return frozenset(names)
+    return frozenset(name for line in lines if isinstance(line, ast.Assign) for name in _targets(line))
 
 
 @contextmanager
@@ -154,12 +162,46 @@ def remembering(evidence: RegressionProblem) -> RememberingSearch:
     return RememberingSearch(**{name: getattr(plain, name) for name in plain.__dataclass_fields__})
 
 
-def sensitivity_table(
+Verdicts = Callable[[DecidingConstant | None], Verdict]
+"""Gives the verdict on a trial as constants are; its argument is the one that has been moved."""
+
+
+def of_choice(trial: Trial, kept: Path) -> Verdicts:
+    """Prepare verdicts on what the arm does.
+
+    Args:
+        trial: The trial.
+        kept: Folder of products.
+    """
+    evidence = products_of_trial(trial, kept)
+    search = remembering(evidence)
+
+    def verdict(one: DecidingConstant | None) -> Verdict:
+        again = one is not None and (one.module in OF_THE_NOISE or one.name in OF_THE_FITS)
+        return verdict_of(remembering(evidence) if again else _fresh(search))
+
+    return verdict
+
+
+def of_valves(trial: Trial, kept: Path) -> Verdicts:  # noqa: ARG001
+    """Prepare verdicts on what the valves do."""
+    suspects, nominal = (
+        [load_recording(path) for path in paths] for paths in (trial.questioned, trial.nominal)
+    )
+
+    def verdict(one: DecidingConstant | None) -> Verdict:  # noqa: ARG001
+        found = valve_findings(splits_of(suspects), splits_of(nominal))
+        return tuple(f"{finding.effect} ({describe(finding.where)})" for finding in found)
+
+    return verdict
+
+
+def sensitivity_tables(
     trials: Sequence[Trial],
     kept: Path,
     notify: Callable[[str], None],
     advance: Callable[[float], None] = lambda _: None,
-) -> Table:
+) -> list[Table]:
     """Move every deciding constant by a fifth either way, and list the verdicts that change.
 
     Args:
@@ -168,36 +210,40 @@ def sensitivity_table(
         notify: Called with the verdicts.
         advance: Called after each constant of each trial.
     """
-    constants = deciding_constants()
-    changes: dict[DecidingConstant, list[str]] = {one: [] for one in constants}
-    for trial in trials:
-        known = read_verdicts(kept, trial)
-        evidence = products_of_trial(trial, kept)
-        search = remembering(evidence)
-        usual = verdict_of(_fresh(search))
-        notify(f"{trial.name}: {', '.join(usual)}")
-        for one in constants:
-            for factor in (1.0 - STEP, 1.0 + STEP):
-                key = f"{one.module}.{one.name} x {factor:g}"
-                if key not in known:
-                    with moved(one, factor):
-                        again = one.module in OF_THE_NOISE or one.name in OF_THE_FITS
-                        known[key] = verdict_of(remembering(evidence) if again else _fresh(search))
-                    add_verdict(kept, trial, key, known[key])
-                if known[key] != usual:
-                    changes[one].append(f"{trial.name} x {factor:g}: {', '.join(known[key])}")
-            advance(1.0)
-    rows: list[dict[str, Cell]] = [
-        {
-            "constant": f"{one.module}.{one.name}",
-            "value": one.value,
-            "source": one.source or "-",
-            "changes": len(changes[one]),
-            "which": "; ".join(changes[one]) or None,
-        }
-        for one in constants
-    ]
-    return Table(f"Deciding constants moved by a fifth on {len(trials)} trials", rows)
+    parts = (
+        ("Deciding constants", deciding_constants(), of_choice),
+        ("Deciding constants of valves", deciding_constants(OF_THE_VALVES), of_valves),
+    )
+    tables = []
+    for what, constants, prepare in parts:
+        changes: dict[DecidingConstant, list[str]] = {one: [] for one in constants}
+        for trial in trials:
+            known, verdict = read_verdicts(kept, trial), prepare(trial, kept)
+            usual = verdict(None)
+            notify(f"{trial.name}: {', '.join(usual) or 'nothing'}")
+            for one in constants:
+                for factor in (1.0 - STEP, 1.0 + STEP):
+                    key = f"{one.module}.{one.name} x {factor:g}"
+                    if key not in known:
+                        with moved(one, factor):
+                            known[key] = verdict(one)
+                        add_verdict(kept, trial, key, known[key])
+                    if known[key] != usual:
+                        said = ", ".join(known[key]) or "nothing"
+                        changes[one].append(f"{trial.name} x {factor:g}: {said}")
+                advance(1.0)
+        rows: list[dict[str, Cell]] = [
+            {
+                "constant": f"{one.module}.{one.name}",
+                "value": one.value,
+                "source": one.source or "-",
+                "changes": len(changes[one]),
+                "which": "; ".join(changes[one]) or None,
+            }
+            for one in constants
+        ]
+        tables.append(Table(f"{what} moved by a fifth on {len(trials)} trials", rows))
+    return tables
 
 
 def read_verdicts(kept: Path, trial: Trial) -> dict[str, Verdict]:

@@ -6,7 +6,15 @@ import numpy as np
 import pytest
 
 from acceptance.proof import sensitivity
-from acceptance.proof.sensitivity import STEP, DecidingConstant, deciding_constants, moved, sensitivity_table
+from acceptance.proof.sensitivity import (
+    OF_THE_VALVES,
+    STEP,
+    DecidingConstant,
+    deciding_constants,
+    moved,
+    of_valves,
+    sensitivity_tables,
+)
 from softarm.bench.trials.folders import Trial
 from softarm.estimator.diagnosis import (
     candidates,
@@ -17,6 +25,7 @@ from softarm.estimator.diagnosis import (
     unnamed,
     valve_stage,
 )
+from softarm.estimator.recording import Recording
 
 
 def constant(module: str, name: str) -> DecidingConstant:
@@ -74,7 +83,8 @@ def rows_that_change(monkeypatch, folder, verdict):
     monkeypatch.setattr(sensitivity, "remembering", lambda _: object())
     monkeypatch.setattr(sensitivity, "_fresh", lambda search: search)
     monkeypatch.setattr(sensitivity, "verdict_of", lambda _: (verdict(),))
-    table = sensitivity_table([Trial("one", "sopra", (), ())], folder, lambda _: None)
+    table, valves = sensitivity_tables([Trial("one", "sopra", (), ())], folder, lambda _: None)
+    assert not any(row["changes"] for row in valves.rows)
     return [row for row in table.rows if row["changes"]]
 
 
@@ -91,6 +101,20 @@ def test_changes_count_for_the_constant_of_one_module_alone(monkeypatch, tmp_pat
         monkeypatch, tmp_path, lambda: "explained" if conclude.SURE <= 10.0 else "consistent"
     )
     assert [row["constant"] for row in changing] == ["conclude.SURE"]
+
+
+def test_constants_of_valves_are_moved_on_the_recordings_themselves(monkeypatch, tmp_path):
+    """A valve 350 Pa low is named, and is not where 360 Pa are the least."""
+    time = np.arange(0.0, 80.0, 0.01)
+    asked = np.repeat([0.0, 20e3, 30e3, 40e3, 0.0, 25e3, 15e3, 0.0], len(time) // 8)
+    given = np.where(asked > 0.0, asked - 350.0, 0.0) + np.random.default_rng(1).normal(0.0, 30.0, len(time))
+    recording = Recording("low", time, {"pressure_cmd_0_pa": asked, "pressure_0_pa": given})
+    monkeypatch.setattr(sensitivity, "load_recording", lambda _: recording)
+    verdict = of_valves(Trial("one", "sopra", (), (tmp_path,)), tmp_path)
+    assert verdict(None) == ("pressure_bias (chamber 0)",)
+    least = next(one for one in deciding_constants(OF_THE_VALVES) if one.name == "LEAST_BIAS")
+    with moved(least, 1.0 + STEP):
+        assert verdict(least) == ()
 
 
 def test_a_run_that_was_ended_goes_on_from_its_verdicts(monkeypatch, tmp_path):

@@ -31,6 +31,10 @@ COUPLES = ("x", "y", "z", "axial")
 COUPLE_UNITS = ("N m", "N m", "N m", "N")
 MEMORY = 3.0
 """Seconds after which a change is forgotten."""
+CHANGING, TURNING = 1.5e3, 2e3
+"""Rates of a pressure, and of the sum of all, at which something changes, and has a direction [Pa/s]."""
+LONG_AGO = 100.0
+"""Seconds since the last change before a recording."""
 DRAWS = 300
 TILT = 1e-3
 SIZES = {"N m": 0.01, "N": 0.3, "Pa": 1e3, "m": 1e-3, "rad": 1e-2}
@@ -202,7 +206,7 @@ def regimes(stage: Stage) -> dict[Regime, Floats]:
     return {
         "constant": np.ones(len(time)),
         "pressure level": _unit(level),
-        "direction of change": _unit(np.tanh(towards / 2e3)),
+        "direction of change": _unit(np.tanh(towards / TURNING)),
         "time since a change": _unit(1.0 - _since(time, fastest)),
         "rate": _unit(towards),
         "pose": _unit(pose**2),
@@ -213,8 +217,8 @@ def regimes(stage: Stage) -> dict[Regime, Floats]:
 
 def _since(time: Floats, fastest: Floats) -> Floats:
     """Return what is left of the memory of the last change, exp(-time since / MEMORY)."""
-    moving = fastest > 1.5e3
-    last = np.maximum.accumulate(np.where(moving, time, time[0] - 100.0))
+    moving = fastest > CHANGING
+    last = np.maximum.accumulate(np.where(moving, time, time[0] - LONG_AGO))
     decay: Floats = np.exp(-(time - last) / MEMORY)
     return decay
 

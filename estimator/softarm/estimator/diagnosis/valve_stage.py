@@ -37,8 +37,8 @@ LEAST_BIAS = 300.0
 LEAST_DELAY = 0.015
 LEAST_BAND = 300.0
 LEAST_LOSS = 3000.0
-NAMED = 0.99
-"""Probability over all valves from which a change is reported: at most 1 of 100 names is false."""
+BY_CHANCE = 0.01
+"""Probability over all valves below which a change is reported: at most 1 of 100 names is false."""
 CEILING_STD = 100.0
 """Standard deviation of a pressure that is not passed [Pa]."""
 LEAST_STD = 20.0
@@ -282,7 +282,7 @@ def _steady(valve: ComparedValve, scatter: float, between_holds: float) -> list[
     # What is read when vented as well is an offset of the sensor and no property of the valve.
     vented = _vented_change(splits, references)
     offset, opened = (
-        size if abs(size) > LEAST_BIAS and surely(size) >= NAMED else 0.0
+        size if abs(size) > LEAST_BIAS and surely(size) >= 1.0 - BY_CHANCE else 0.0
         for size in (vented, change - vented)
     )
     band = max((split.valve.law.deadband for split in references), default=0.0) + LEAST_BAND
@@ -325,7 +325,7 @@ def _gain(valve: ComparedValve, scatter: float, between_holds: float) -> list[Fi
     spread = float(np.hypot(other, highest * np.hypot(ours.std, theirs.std)))
     error = abs(change) * highest
     sure = _probability(error, spread, len(splits) + len(references), valve.valves)
-    if error <= LEAST_BIAS or sure < NAMED:
+    if error <= LEAST_BIAS or sure < 1.0 - BY_CHANCE:
         return []
     words = f"The pressure in chamber {valve.chamber} is {1.0 + change:.2f} times "
     words += "what it was in nominal recordings." if references else "its set-point."
@@ -381,7 +381,7 @@ def _delays(valve: ComparedValve, jitter: float) -> list[Finding]:
     spread = jitter * float(np.sqrt(recordings))
     change = late + slower
     sure = _probability(abs(change), spread, len(splits) + len(references), valve.valves)
-    if abs(change) <= LEAST_DELAY or sure < NAMED:
+    if abs(change) <= LEAST_DELAY or sure < 1.0 - BY_CHANCE:
         return []
     deviation = max(spread, float(np.hypot(_timing_std(splits), _timing_std(references))))
     resolution = max(_jitter(split) for split in valve.splits)

@@ -18,16 +18,16 @@ from softarm.estimator.diagnosis.result import (
     Unexplained,
     Verdict,
 )
-from softarm.estimator.diagnosis.valve_stage import NAMED, Split, channel_error, gain_interval, of_chamber
-from softarm.estimator.diagnosis.valves import SETTLED
+from softarm.estimator.diagnosis.valve_stage import BY_CHANCE, Split, channel_error, gain_interval, of_chamber
+from softarm.estimator.diagnosis.valves import LEAST_SAMPLES, SETTLED
 from softarm.estimator.errors import InputError
 from softarm.estimator.specimen.physics import Place
 
 LEFT_OVER = 5.0
 """Root mean square over the noise from which something beyond the law is left, such as overshoot."""
 NEEDED = (
-    "more than 50 readings of a set-point and its pressure together are needed up to the middle of the time "
-    "in which the valve is open, and some after it"
+    f"more than {LEAST_SAMPLES} readings of a set-point and its pressure together are needed up to the "
+    "middle of the time in which the valve is open, and some after it"
 )
 """What it takes to learn a valve's law and to judge it."""
 
@@ -107,7 +107,7 @@ def left_over(suspects: Sequence[Split], nominal: Sequence[Split]) -> dict[int, 
         ours, allowed = _mean_square(splits), (LEFT_OVER * max(split.floor for split in splits)) ** 2
         if references:
             ours_freedom, usual_freedom = (_unseen(group) / SETTLED for group in (splits, references))
-            ratio = scatter_limit(ours_freedom, usual_freedom, (1.0 - NAMED) / len(chambers))
+            ratio = scatter_limit(ours_freedom, usual_freedom, BY_CHANCE / len(chambers))
             allowed = max(allowed, ratio**2 * _usual(splits, references))
         if ours > allowed:
             left[chamber] = ours

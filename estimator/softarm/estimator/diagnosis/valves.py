@@ -32,6 +32,22 @@ LEAST_GAIN_STD = 1e-4
 """Least standard deviation of a gain: no pressure sensor is linear to less of its reading."""
 FEW = 5
 """Samples that are averaged at least."""
+LEAST_SAMPLES = 50
+"""Samples with both set-point and pressure that a valve must have to be described."""
+LEAST_HOLDS, LEAST_RANGE, LEAST_GAIN = 4, 10e3, 0.01
+"""Holds, and range of their set-points [Pa], that determine a gain; a smaller gain is none."""
+AT_CEILING = 300.0
+"""Holds within so much of the highest pressure reached [Pa] may all be at a ceiling."""
+BELOW_CEILING = 500.0
+"""Pressures lower than a ceiling by more than this [Pa] do not meet it."""
+LEAST_MISSED, LEAST_APART = 3e3, 2e3
+"""A ceiling misses a set-point by more than the former [Pa], or some that differ by more than the other."""
+NEAR_CHANGE, CHANGING = 1.0, 50.0
+"""Seconds after a change of the set-point by more than the latter [Pa] that show the lag."""
+LEAST_NEAR = 20
+"""Samples that such times must hold."""
+ONSET = 0.05
+"""Share of a step at which a pressure has begun to answer it."""
 STEP = 2000.0
 """Change of a set-point [Pa] from one sample to the next that is a step."""
 LAGS = np.array([0.0, 0.01, 0.02, 0.03, 0.045, 0.06, 0.08, 0.1, 0.13, 0.17, 0.22, 0.3, 0.4, 0.55, 0.75])
@@ -160,11 +176,11 @@ def gains_of(recordings: Sequence[Recording], ceilings: Mapping[int, Ceiling]) -
     gains = {}
     for chamber, parts in held.items():
         level, error = (np.concatenate(each) for each in zip(*parts, strict=True))
-        if len(level) >= 4 and np.ptp(level) > 10e3:
+        if len(level) >= LEAST_HOLDS and np.ptp(level) > LEAST_RANGE:
             coefficients, covariance = np.polyfit(level, error, 1, cov=True)
             value = float(coefficients[0])
             std = max(float(np.sqrt(covariance[0, 0])), LEAST_GAIN_STD)
-            gains[chamber] = Gain(value if abs(value) > 0.01 else 0.0, std)
+            gains[chamber] = Gain(value if abs(value) > LEAST_GAIN else 0.0, std)
     return gains
 
 
@@ -177,7 +193,7 @@ def _passing(level: Floats, pressure: Floats) -> NDArray[np.bool_]:
 
 def _below(ceiling: Ceiling) -> float:
     """Return the pressure below which a ceiling bounds nothing [Pa]."""
-    return ceiling.pressure - 500.0
+    return ceiling.pressure - BELOW_CEILING
 
 
 def ceilings_of(recordings: Sequence[Recording]) -> dict[int, Ceiling]:
@@ -204,7 +220,7 @@ def _opened(recording: Recording) -> Iterator[tuple[int, Floats, Floats, Floats]
         if setpoint is None or measured is None:
             continue
         observed = np.isfinite(setpoint) & np.isfinite(measured)
-        if observed.sum() > 50 and float(setpoint[observed].max()) > OPEN:
+        if observed.sum() > LEAST_SAMPLES and float(setpoint[observed].max()) > OPEN:
             yield chamber, recording.time[observed], setpoint[observed], measured[observed]
 
 
@@ -310,11 +326,11 @@ def _ceiling(level: Floats, pressure: Floats) -> Ceiling:
     if len(level) < 3:
         return Ceiling()
     highest = float(pressure.max())
-    near = pressure > highest - 300.0
+    near = pressure > highest - AT_CEILING
     short = level - pressure
-    if short[near].max() <= 3e3:
+    if short[near].max() <= LEAST_MISSED:
         return Ceiling()
-    if near.sum() >= 2 and np.ptp(level[near]) > 2e3:
+    if near.sum() >= 2 and np.ptp(level[near]) > LEAST_APART:
         return Ceiling(highest)
     # Where the valve is merely too low by some pressure, or by some share, the others are short as well.
     others = short[~near]
@@ -325,11 +341,11 @@ def _ceiling(level: Floats, pressure: Floats) -> Ceiling:
 
 def _timing(time: Floats, setpoint: Floats, measured: Floats, law: ValveLaw) -> Timing:
     """Find the dead time at the onsets of steps, then the lag that leaves least around changes."""
-    changing = np.abs(np.diff(setpoint, prepend=setpoint[0])) > 50.0
+    changing = np.abs(np.diff(setpoint, prepend=setpoint[0])) > CHANGING
     since = np.maximum.accumulate(np.where(changing, time, time[0] - 10.0))
-    near = time - since < 1.0
+    near = time - since < NEAR_CHANGE
     resolution = reading_interval(time, measured) / np.sqrt(12.0)
-    if near.sum() < 20:
+    if near.sum() < LEAST_NEAR:
         return Timing(std=resolution)
     onsets = _onsets(time, setpoint, measured)
     dead_time = float(np.median(onsets)) if len(onsets) else 0.0
@@ -375,14 +391,14 @@ def median_std(values: Floats) -> float:
 
 
 def _onsets(time: Floats, setpoint: Floats, measured: Floats) -> Floats:
-    """Return the times from steps of the set-point to 5 % of the pressure's answer [s], shape (steps,)."""
+    """Return the times from steps of the set-point until the pressure answers [s], shape (steps,)."""
     onsets = []
     for k in np.flatnonzero(np.abs(np.diff(setpoint)) > STEP):
         end = int(np.searchsorted(time, time[k + 1] + 1.0))
         if end - k < 10 or np.abs(np.diff(setpoint[k + 1 : end])).max(initial=0.0) > STEP:
             continue
         answer = np.abs(measured[k + 1 : end] - measured[k])
-        moved = np.flatnonzero(answer > 0.05 * abs(setpoint[k + 1] - setpoint[k]))
+        moved = np.flatnonzero(answer > ONSET * abs(setpoint[k + 1] - setpoint[k]))
         if len(moved):
             onsets.append(float(time[k + 1 + moved[0]] - time[k + 1]))
     return np.array(onsets)
