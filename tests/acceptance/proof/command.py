@@ -11,7 +11,7 @@ from acceptance.proof.alternatives import alternatives_table
 from acceptance.proof.cost import cost_table
 from acceptance.proof.force import force_table
 from acceptance.proof.schedule import SealedTrial, schedule
-from acceptance.proof.sensitivity import sensitivity_tables
+from acceptance.proof.sensitivity import sensitivity_of_choice, sensitivity_of_valves
 from acceptance.proof.swing import swing_table
 from acceptance.proof.touches import touches_table
 from acceptance.proof.trial import Folders, forget, lay_out, name_of, record
@@ -27,7 +27,7 @@ from softarm.common.tables import Table
 
 MOTIONS = ("designed", "ordinary")
 PARTS = ("trials", "alternatives", "force", "cost")
-ON_REQUEST = ("swing", "touches", "sensitivity")
+ON_REQUEST = ("swing", "touches", "sensitivity", "valves")
 """Parts that are left out unless they are named; the last two are on all trials that were kept."""
 HEAD = """# The proof of the diagnosis
 
@@ -66,8 +66,8 @@ the answers lie in a folder that only the scorer opens.
     multiple=True,
     type=click.Choice(PARTS + ON_REQUEST),
     default=PARTS,
-    help="What to prove. When left out: all but swing, and but touches and sensitivity, which are on the "
-    "trials that --keep kept.",
+    help="What to prove. When left out: all but swing, and but touches, sensitivity and valves (the "
+    "sensitivity of what is said of these), which are on the trials that --keep kept.",
 )
 @click.option(
     "--compared",
@@ -91,7 +91,7 @@ def command(
     quick: bool,
     as_json: bool,
 ) -> int:
-    """Prove the diagnosis on the fake arm: trials, alternatives, forces, cost, swing, touches, sensitivity.
+    """Prove the diagnosis on the fake arm: trials, alternatives, forces, cost, swing, touches, sensitivities.
 
     Example: softarm bench proof --count 40 --write docs/diagnosis-proof.md
     """
@@ -115,7 +115,9 @@ def command(
     if "touches" in parts:
         tables.append(touches_table(read_trials(folders.trials), folders, notify))
     if "sensitivity" in parts:
-        tables += sensitivity_tables(read_trials(folders.trials), folders.root / "products", notify)
+        tables.append(sensitivity_of_choice(read_trials(folders.trials), folders.root / "products", notify))
+    if "valves" in parts:
+        tables.append(sensitivity_of_valves(read_trials(folders.trials), folders.root / "products", notify))
     show(*tables, as_json=as_json)
     if write is not None:
         write_page(write, tables, HEAD)

@@ -196,54 +196,71 @@ def of_valves(trial: Trial, kept: Path) -> Verdicts:  # noqa: ARG001
     return verdict
 
 
-def sensitivity_tables(
-    trials: Sequence[Trial],
-    kept: Path,
-    notify: Callable[[str], None],
-    advance: Callable[[float], None] = lambda _: None,
-) -> list[Table]:
+@dataclass(frozen=True)
+class Decided:
+    """What is decided by constants.
+
+    Args:
+        title: Of the table.
+        constants: The constants.
+        prepare: Prepares verdicts on a trial, with the folder of products.
+    """
+
+    title: str
+    constants: tuple[DecidingConstant, ...]
+    prepare: Callable[[Trial, Path], Verdicts]
+
+
+def sensitivity_of_choice(trials: Sequence[Trial], kept: Path, notify: Callable[[str], None]) -> Table:
+    """Move the constants that decide what the arm does; see ``sensitivity_table``."""
+    return sensitivity_table(
+        Decided("Deciding constants", deciding_constants(), of_choice), trials, kept, notify
+    )
+
+
+def sensitivity_of_valves(trials: Sequence[Trial], kept: Path, notify: Callable[[str], None]) -> Table:
+    """Move the constants that decide what valves do; see ``sensitivity_table``."""
+    decided = Decided("Deciding constants of valves", deciding_constants(OF_THE_VALVES), of_valves)
+    return sensitivity_table(decided, trials, kept, notify)
+
+
+def sensitivity_table(
+    decided: Decided, trials: Sequence[Trial], kept: Path, notify: Callable[[str], None]
+) -> Table:
     """Move every deciding constant by a fifth either way, and list the verdicts that change.
 
     Args:
+        decided: What is decided.
         trials: The fixed set.
         kept: Folder of products and verdicts, of one version of the program.
         notify: Called with the verdicts.
-        advance: Called after each constant of each trial.
     """
-    parts = (
-        ("Deciding constants", deciding_constants(), of_choice),
-        ("Deciding constants of valves", deciding_constants(OF_THE_VALVES), of_valves),
-    )
-    tables = []
-    for what, constants, prepare in parts:
-        changes: dict[DecidingConstant, list[str]] = {one: [] for one in constants}
-        for trial in trials:
-            known, verdict = read_verdicts(kept, trial), prepare(trial, kept)
-            usual = verdict(None)
-            notify(f"{trial.name}: {', '.join(usual) or 'nothing'}")
-            for one in constants:
-                for factor in (1.0 - STEP, 1.0 + STEP):
-                    key = f"{one.module}.{one.name} x {factor:g}"
-                    if key not in known:
-                        with moved(one, factor):
-                            known[key] = verdict(one)
-                        add_verdict(kept, trial, key, known[key])
-                    if known[key] != usual:
-                        said = ", ".join(known[key]) or "nothing"
-                        changes[one].append(f"{trial.name} x {factor:g}: {said}")
-                advance(1.0)
-        rows: list[dict[str, Cell]] = [
-            {
-                "constant": f"{one.module}.{one.name}",
-                "value": one.value,
-                "source": one.source or "-",
-                "changes": len(changes[one]),
-                "which": "; ".join(changes[one]) or None,
-            }
-            for one in constants
-        ]
-        tables.append(Table(f"{what} moved by a fifth on {len(trials)} trials", rows))
-    return tables
+    changes: dict[DecidingConstant, list[str]] = {one: [] for one in decided.constants}
+    for trial in trials:
+        known, verdict = read_verdicts(kept, trial), decided.prepare(trial, kept)
+        usual = verdict(None)
+        notify(f"{trial.name}: {', '.join(usual) or 'nothing'}")
+        for one in decided.constants:
+            for factor in (1.0 - STEP, 1.0 + STEP):
+                key = f"{one.module}.{one.name} x {factor:g}"
+                if key not in known:
+                    with moved(one, factor):
+                        known[key] = verdict(one)
+                    add_verdict(kept, trial, key, known[key])
+                if known[key] != usual:
+                    said = ", ".join(known[key]) or "nothing"
+                    changes[one].append(f"{trial.name} x {factor:g}: {said}")
+    rows: list[dict[str, Cell]] = [
+        {
+            "constant": f"{one.module}.{one.name}",
+            "value": one.value,
+            "source": one.source or "-",
+            "changes": len(changes[one]),
+            "which": "; ".join(changes[one]) or None,
+        }
+        for one in decided.constants
+    ]
+    return Table(f"{decided.title} moved by a fifth on {len(trials)} trials", rows)
 
 
 def read_verdicts(kept: Path, trial: Trial) -> dict[str, Verdict]:
