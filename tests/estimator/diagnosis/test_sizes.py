@@ -138,6 +138,20 @@ def test_the_model_itself_tells_sizes_unless_it_explains_much_less(search, monke
     assert float(found.thetas[0][0]) == pytest.approx(size, rel=0.2)
 
 
+def test_what_a_sensor_does_stays_as_the_search_found_it(search):
+    """Its law is exact, so that the search is no less right of it, and more certain."""
+    bias = Hypothesis(EFFECTS["sensor_bias"], Place(sensor="frame_tip"))
+    alone = Fit((bias,), (np.array([0.02, 0.01]),), np.eye(2) * 1e-4, 50.0)
+    assert sized(search, alone) is alone
+    payload, start = fitted(), np.array([2e-3, 0.0])
+    both = replace(payload.joined(replace(alone, thetas=(start,))), covariance=np.diag([1e-12, 1e-4, 1e-4]))
+    found = sized(search, both)
+    assert found.thetas[1].tolist() == start.tolist()
+    assert found.scaled_covariance(1) == pytest.approx(1e-4 * np.eye(2))
+    assert float(found.thetas[0][0]) == pytest.approx(MASS - start[0], rel=0.2)
+    assert float(found.stds(0)[0]) > 1e-5
+
+
 def test_without_nominal_recordings_the_sizes_stay(search):
     search.evidence.stages[0].session.nominal = False
     fit = fitted()

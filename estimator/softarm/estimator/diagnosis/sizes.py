@@ -9,6 +9,10 @@ nominal recordings teach and weights that do not depend on the residual, and on 
 strong effect does to an arm that has moved, its linearisation gets wrong by a fixed share, and may by chance
 fit as well.
 
+How a sensor is mounted, offset, scaled or late is kinematics, so no error of a law pulls its size to zero:
+that stays as the search found it, with its covariance. Such an estimate is the most certain of all that are
+linear in the readings (Aitken, Proc. R. Soc. Edinburgh 55 (1936) 42).
+
 Shapes, such as a time constant or a width, stay as the search found them. No share of a regressor scales
 them, and least squares would lend them to what common coefficients do: a softening at large strains became
 one at all strains, which a stiffness that differs a little resembles. Where a wall or a cord is, follows the
@@ -104,6 +108,8 @@ def sized(search: Search, fit: Fit) -> Fit:
     residuals, columns = plain_residuals(search)
     problem = MarginalisedProblem.alone(residuals, search.weights.effective_sample_fraction)
     moving = np.array([_is_sized(h, p) for h in fit.hypotheses for p in h.effect.parameters])
+    if not moving.any():
+        return fit
     found = fit_effects(problem, fit.hypotheses, fit.thetas, moving=moving)
     if search.solvable(fit, answering=True):
         again = fit_effects(
@@ -112,24 +118,33 @@ def sized(search: Search, fit: Fit) -> Fit:
         found = again if again.gain > (1.0 - MATERIAL) * found.gain else found
     parametrisation = Parametrisation.of(found.hypotheses)
     values = parametrisation.units(np.concatenate(found.thetas))
+    of_arm = np.repeat([_acts_on_arm(h) for h in found.hypotheses], parametrisation.sizes)
     left = whitened(problem, found.hypotheses, found.thetas, exact=found.exact)
-    slopes = slopes_of(problem, found.hypotheses, parametrisation, values, left, exact=found.exact)
+    slopes = slopes_of(
+        problem, found.hypotheses, parametrisation, values, left, exact=found.exact, chosen=of_arm
+    )
     parts = [
         part
         for recorded, slope, change, common in zip(residuals, slopes, left, columns, strict=True)
         for part in _parts(
-            recorded, slope, recorded.residual.ravel() - change[:, 0], common, whole=len(residuals) >= FEW
+            recorded,
+            slope[:, of_arm],
+            recorded.residual.ravel() - change[:, 0],
+            common,
+            whole=len(residuals) >= FEW,
         )
     ]
-    prior = 1.0 / parametrisation.spreads**2
+    prior = 1.0 / parametrisation.spreads[of_arm] ** 2
     fraction = search.weights.effective_sample_fraction
-    law_errors = gradient_covariance(problem, found, slopes)
+    own = np.ix_(of_arm, of_arm)
+    law_errors = gradient_covariance(problem, found, slopes)[own]
     spread = robust_covariance(
         parts, UNBIASED * prior / fraction, search.prior.covariance, law_errors, fraction
     )
-    wider = contact_deviations(found, _left_variance(residuals, left))
+    wider = contact_deviations(found, _left_variance(residuals, left))[of_arm]
     spread *= np.outer(wider, wider)
-    covariance = np.linalg.inv(np.linalg.inv(spread) + np.diag(prior))
+    covariance = fit.covariance * np.outer(~of_arm, ~of_arm)
+    covariance[own] = np.linalg.inv(np.linalg.inv(spread) + np.diag(prior))
     if reversed_sign(fit, found):
         return replace(fit, covariance=covariance)
     return replace(found, covariance=covariance, gain=fit.gain)
@@ -159,9 +174,15 @@ def _left_variance(residuals: Sequence[RecordingResidual], changes: Sequence[Flo
     return squares / sum(np.count_nonzero(recorded.weight) for recorded in residuals)
 
 
+def _acts_on_arm(hypothesis: Hypothesis) -> bool:
+    """Return whether an effect is one of the arm, and none of a sensor."""
+    return hypothesis.effect.hook != "sensing"
+
+
 def _is_sized(hypothesis: Hypothesis, parameter: ParameterSpec) -> bool:
-    """Return whether least squares fits a parameter: an amplitude, or where the arm touches something."""
-    return parameter.role == "amplitude" or hypothesis.effect.responds_to_own_effect
+    """Return whether least squares fits a parameter: an amplitude on the arm, or where this meets something."""
+    amplitude = parameter.role == "amplitude"
+    return _acts_on_arm(hypothesis) and (amplitude or hypothesis.effect.responds_to_own_effect)
 
 
 def reversed_sign(fit: Fit, other: Fit) -> bool:
