@@ -180,7 +180,7 @@ def _acts_on_arm(hypothesis: Hypothesis) -> bool:
 
 
 def _is_sized(hypothesis: Hypothesis, parameter: ParameterSpec) -> bool:
-    """Return whether least squares fits a parameter: an amplitude on the arm, or where this meets something."""
+    """Return whether least squares fits a parameter: an amplitude on the arm, or where it meets something."""
     amplitude = parameter.role == "amplitude"
     return _acts_on_arm(hypothesis) and (amplitude or hypothesis.effect.responds_to_own_effect)
 

@@ -11,7 +11,7 @@ from softarm.estimator.effects.effect import Effect, Hook, Memory, Signals
 from softarm.estimator.effects.springs import Springs
 from softarm.estimator.effects.world import Spot, World
 from softarm.estimator.response import ArmResponse
-from softarm.estimator.sensing import Measurement
+from softarm.estimator.sensing import Bend, Measurement
 from softarm.estimator.simulation import Drive
 
 FIELDS: Mapping[Hook, str] = {
@@ -84,9 +84,13 @@ class PlacedEffect:
     ) -> tuple[Floats, Memory]:
         """Return readings of a sensor, shape (samples, entries), as an effect of sensing changes them.
 
-        The place of a marker changes in base axes: what is found must not depend on how somebody laid the
-        laboratory's axes.
+        What a bend sensor has for an offset is the output of its electronics, which neither turns with its
+        mount nor grows with its scale factor. The place of a marker changes in base axes: what is found must
+        not depend on how somebody laid the laboratory's axes.
         """
+        if isinstance(sensor, Bend):
+            changed, memory = self.act(replace(signals, reading=reading - sensor.bias), memory)
+            return changed + sensor.bias, memory
         laboratory = sensor.registration if reading.shape[-1] == PLACE else None
         if laboratory is None:
             return self.act(replace(signals, reading=reading), memory)
