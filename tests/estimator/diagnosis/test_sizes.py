@@ -11,10 +11,17 @@ from softarm.estimator.diagnosis import sizes
 from softarm.estimator.diagnosis.candidates import Accepted, Candidate, ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.evidence import RegressionProblem
-from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis, Library
-from softarm.estimator.diagnosis.sizes import Part, reversed_sign, robust_covariance, sized, without_fragments
+from softarm.estimator.diagnosis.sizes import (
+    Part,
+    plain_residuals,
+    reversed_sign,
+    robust_covariance,
+    sized,
+    without_fragments,
+)
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import Place
@@ -68,7 +75,7 @@ class Weighed:
     def __init__(self, seed: int, *, nominal: bool = False) -> None:
         rng = np.random.default_rng(seed)
         truth = np.sin(np.linspace(0.0, 7.0, SAMPLES) + rng.uniform(0.0, 6.0))[:, None]
-        self.world = world()
+        self.world = world(("frame_tip",))
         self.shape = truth + 0.3 * rng.normal(size=truth.shape)
         self.common = truth + 0.02 * rng.normal(size=truth.shape)
         self.session = SimpleNamespace(nominal=nominal, heldout=np.zeros(SAMPLES, dtype=bool))
@@ -78,7 +85,8 @@ class Weighed:
         return np.broadcast_to(scale, self.residual.shape)
 
     def change(self, effects, *, exact: bool = False, **_: object) -> np.ndarray:
-        return self.shape * sum(float(effect.theta[0]) for effect in effects)
+        sensing = sum(float(one.theta[0]) for one in effects if one.effect.hook == "sensing")
+        return self.shape * (sum(float(one.theta[0]) for one in effects) - sensing) + sensing
 
 
 class Recorded(SimpleNamespace):
@@ -98,7 +106,7 @@ def search() -> Search:
     )
     weights = Weights({"x": NOISE}, 0.1)
     prior = Gaussian(np.zeros(1), np.full((1, 1), 1e-3**2))
-    return cast(
+    found = cast(
         "Search",
         SimpleNamespace(
             evidence=evidence,
@@ -106,8 +114,10 @@ def search() -> Search:
             prior=prior,
             natural_frequency=None,
             solvable=lambda _, **__: False,
+            problem=lambda: MarginalisedProblem.alone(plain_residuals(found)[0], 0.1),
         ),
     )
+    return found
 
 
 def fitted() -> Fit:
@@ -138,18 +148,27 @@ def test_the_model_itself_tells_sizes_unless_it_explains_much_less(search, monke
     assert float(found.thetas[0][0]) == pytest.approx(size, rel=0.2)
 
 
-def test_what_a_sensor_does_stays_as_the_search_found_it(search):
-    """Its law is exact, so that the search is no less right of it, and more certain."""
+def biased(size: float, covariance: float = 1e-4) -> Fit:
+    """A fit of an offset of a sensor."""
     bias = Hypothesis(EFFECTS["sensor_bias"], Place(sensor="frame_tip"))
-    alone = Fit((bias,), (np.array([0.02, 0.01]),), np.eye(2) * 1e-4, 50.0)
+    return Fit((bias,), (np.array([size, 0.0]),), np.eye(2) * covariance, 50.0)
+
+
+def test_what_a_sensor_does_alone_stays_as_the_search_found_it(search):
+    alone = biased(0.02)
     assert sized(search, alone) is alone
-    payload, start = fitted(), np.array([2e-3, 0.0])
-    both = replace(payload.joined(replace(alone, thetas=(start,))), covariance=np.diag([1e-12, 1e-4, 1e-4]))
+
+
+def test_what_a_sensor_does_is_as_certain_as_the_other_laws_allow(search):
+    """Beside a payload whose law errs by three tenths."""
+    search.evidence.residuals = [residual + 4e-3 for residual in search.evidence.residuals]
+    both = replace(fitted().joined(biased(3e-3)), covariance=np.eye(3))
     found = sized(search, both)
-    assert found.thetas[1].tolist() == start.tolist()
-    assert found.scaled_covariance(1) == pytest.approx(1e-4 * np.eye(2))
-    assert float(found.thetas[0][0]) == pytest.approx(MASS - start[0], rel=0.2)
-    assert float(found.stds(0)[0]) > 1e-5
+    size, deviation = float(found.thetas[1][0]), float(found.stds(1)[0])
+    assert abs(size - 4e-3) < 2.0 * deviation
+    assert deviation < 1e-3
+    assert float(found.thetas[0][0]) == pytest.approx(MASS, rel=0.2)
+    assert found.scaled_covariance(0) != pytest.approx(np.eye(1))
 
 
 def test_without_nominal_recordings_the_sizes_stay(search):

@@ -31,27 +31,39 @@ def gain_beside_law_errors(problem: MarginalisedProblem, fit: Fit, number: int) 
     whole, rest = _changes(problem, fit, range(len(fit.thetas))), _changes(problem, fit, others)
     own_sensor = fit.hypotheses[number].place.sensor
     erring = [k for k in others if fit.hypotheses[k].place.sensor in (None, own_sensor)]
-    errors = [_changes(problem, fit, [k]) for k in erring]
-    count = sum(recorded.residual.shape[1] for recorded in problem.residuals) * len(erring)
-    columns, first = [], 2
-    for recording, recorded in enumerate(problem.residuals):
-        own = np.zeros((recorded.residual.size, 2 + count))
-        own[:, 0] = whole[recording][:, 0] - rest[recording][:, 0]
-        own[:, 1] = rest[recording][:, 0]
+    columns = [np.column_stack([all_ - other, other]) for all_, other in zip(whole, rest, strict=True)]
+    matrix, vector = beside_law_errors(problem, columns, [_changes(problem, fit, [k]) for k in erring])
+    return float(2.0 * (vector[0] - matrix[0, 1]) - matrix[0, 0])
+
+
+def beside_law_errors(
+    problem: MarginalisedProblem, columns: Sequence[Floats], errors: Sequence[Sequence[Floats]]
+) -> tuple[Floats, Floats]:
+    """Return M and b of whitened columns as ``projected`` does, with the errors of laws marginalised as well.
+
+    Args:
+        problem: What is fitted to.
+        columns: Of each recording, shape (samples * channels, k).
+        errors: What each effect whose law errs changes of each recording, shape (samples * channels, 1).
+    """
+    k = columns[0].shape[1]
+    count = sum(recorded.residual.shape[1] for recorded in problem.residuals) * len(errors)
+    widened, first = [], k
+    for number, (recorded, own) in enumerate(zip(problem.residuals, columns, strict=True)):
+        wide = np.zeros((len(own), k + count))
+        wide[:, :k] = own
+        channels = recorded.residual.shape[1]
         for error in errors:
             # One column for each channel, in which all others are zero.
-            channels = recorded.residual.shape[1]
-            diagonal = error[recording].reshape(-1, channels, 1) * np.eye(channels)
-            own[:, first : first + channels] = diagonal.reshape(-1, channels)
+            diagonal = error[number].reshape(-1, channels, 1) * np.eye(channels)
+            wide[:, first : first + channels] = diagonal.reshape(-1, channels)
             first += channels
-        columns.append(own)
-    matrix, vector = problem.projected(columns)
-    left = np.delete(vector - matrix[:, 1], 1)
-    matrix = np.delete(np.delete(matrix, 1, axis=0), 1, axis=1)
-    known = matrix[1:, 1:] + np.eye(count) / SHARE**2
-    absorbed = np.linalg.solve(known, np.column_stack([matrix[1:, 0], left[1:]]))
-    size, pull = matrix[0, 0] - matrix[0, 1:] @ absorbed[:, 0], left[0] - matrix[0, 1:] @ absorbed[:, 1]
-    return float(2.0 * pull - size)
+        widened.append(wide)
+    matrix, vector = problem.projected(widened)
+    known = matrix[k:, k:] + np.eye(count) / SHARE**2
+    absorbed = np.linalg.solve(known, np.column_stack([matrix[k:, :k], vector[k:]]))
+    across = matrix[:k, k:]
+    return matrix[:k, :k] - across @ absorbed[:, :-1], vector[:k] - across @ absorbed[:, -1]
 
 
 def gradient_covariance(problem: MarginalisedProblem, fit: Fit, slopes: Sequence[Floats]) -> Floats:

@@ -9,9 +9,10 @@ nominal recordings teach and weights that do not depend on the residual, and on 
 strong effect does to an arm that has moved, its linearisation gets wrong by a fixed share, and may by chance
 fit as well.
 
-How a sensor is mounted, offset, scaled or late is kinematics, so no error of a law pulls its size to zero:
-that stays as the search found it, with its covariance. Such an estimate is the most certain of all that are
-linear in the readings (Aitken, Proc. R. Soc. Edinburgh 55 (1936) 42).
+How a sensor is mounted, offset, scaled or late is kinematics, so no error of its law pulls its size to zero.
+Those sizes are of generalised least squares, with the common coefficients and the errors of the other
+effects' laws marginalised: of all estimates that are linear in the readings it is the most certain (Aitken,
+Proc. R. Soc. Edinburgh 55 (1936) 42).
 
 Shapes, such as a time constant or a width, stay as the search found them. No share of a regressor scales
 them, and least squares would lend them to what common coefficients do: a softening at large strains became
@@ -53,7 +54,11 @@ from softarm.estimator.diagnosis.fit import (
     whitened,
 )
 from softarm.estimator.diagnosis.judge import MATERIAL
-from softarm.estimator.diagnosis.law_error import gain_beside_law_errors, gradient_covariance
+from softarm.estimator.diagnosis.law_error import (
+    beside_law_errors,
+    gain_beside_law_errors,
+    gradient_covariance,
+)
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.effects import ParameterSpec
 from softarm.estimator.specimen.physics import EffectName
@@ -108,6 +113,7 @@ def sized(search: Search, fit: Fit) -> Fit:
     residuals, columns = plain_residuals(search)
     problem = MarginalisedProblem.alone(residuals, search.weights.effective_sample_fraction)
     moving = np.array([_is_sized(h, p) for h in fit.hypotheses for p in h.effect.parameters])
+    fit = with_sensors_sized(search, fit)
     if not moving.any():
         return fit
     found = fit_effects(problem, fit.hypotheses, fit.thetas, moving=moving)
@@ -148,6 +154,32 @@ def sized(search: Search, fit: Fit) -> Fit:
     if reversed_sign(fit, found):
         return replace(fit, covariance=covariance)
     return replace(found, covariance=covariance, gain=fit.gain)
+
+
+def with_sensors_sized(search: Search, fit: Fit) -> Fit:
+    """Estimate the sizes of what sensors do by generalised least squares, with their covariance.
+
+    Args:
+        search: The search that chose the effects.
+        fit: The effects, as it fitted them; those on the arm stay.
+    """
+    parametrisation = Parametrisation.of(fit.hypotheses)
+    of_arm = [k for k, h in enumerate(fit.hypotheses) if _acts_on_arm(h)]
+    if len(of_arm) in (0, len(fit.hypotheses)):
+        return fit
+    problem, values = search.problem(), parametrisation.units(np.concatenate(fit.thetas))
+    change = whitened(problem, fit.hypotheses, fit.thetas, exact=fit.exact)
+    slopes = slopes_of(problem, fit.hypotheses, parametrisation, values, change, exact=fit.exact)
+    columns = [np.column_stack(both) for both in zip(slopes, change, strict=True)]
+    errors = [whitened(problem, [fit.hypotheses[k]], [fit.thetas[k]], exact=fit.exact) for k in of_arm]
+    matrix, vector = beside_law_errors(problem, columns, errors)
+    prior = 1.0 / parametrisation.spreads**2
+    covariance = np.asarray(np.linalg.inv(matrix[:-1, :-1] + np.diag(prior)), dtype=np.float64)
+    pull = vector[:-1] - matrix[:-1, -1] - prior * (values - parametrisation.centres)
+    sensors = np.repeat([not _acts_on_arm(h) for h in fit.hypotheses], parametrisation.sizes)
+    moved = values + np.where(sensors, covariance @ pull, 0.0)
+    thetas = parametrisation.split(np.clip(moved, parametrisation.lower, parametrisation.upper))
+    return replace(fit, thetas=tuple(thetas), covariance=covariance)
 
 
 def contact_deviations(fit: Fit, left_variance: float) -> Floats:

@@ -51,8 +51,8 @@ class Signals:
         positions: Origins of the sections [m], shape (samples, sections, 3).
         rotations: Rotations of the sections, shape (samples, sections, 3, 3).
         moment: Moment of all loads about the base [N m], shape (samples, 3).
-        reading: Predicted reading of the effect's sensor, of a bend sensor without its offset, shape (samples,
-            size).
+        reading: Predicted reading of the effect's sensor, of a bend sensor without its offset, shape
+            (samples, size).
     """
 
     time: Floats
