@@ -41,7 +41,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from softarm.estimator.arrays import Floats
+from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.diagnosis.candidates import ChosenEffects, stated_alone
 from softarm.estimator.diagnosis.choose import EXACT_STEPS, Search
 from softarm.estimator.diagnosis.fit import (
@@ -108,14 +108,22 @@ def sized(search: Search, fit: Fit) -> Fit:
         search: The search that chose them.
         fit: The effects, as it fitted them.
     """
-    if not knows_common(search):
+    return with_arm_sized(search, with_sensors_sized(search, fit)) if knows_common(search) else fit
+
+
+def with_arm_sized(search: Search, fit: Fit) -> Fit:
+    """Estimate the sizes of what acts on the arm by ordinary least squares, with their covariance.
+
+    Args:
+        search: The search that chose the effects.
+        fit: The effects; those on sensors stay as they are.
+    """
+    of_arm = _on_arm(fit)
+    if not of_arm.any():
         return fit
     residuals, columns = plain_residuals(search)
     problem = MarginalisedProblem.alone(residuals, search.weights.effective_sample_fraction)
-    moving = np.array([_is_sized(h, p) for h in fit.hypotheses for p in h.effect.parameters])
-    fit = with_sensors_sized(search, fit)
-    if not moving.any():
-        return fit
+    moving = of_arm & np.array([_is_sized(h, p) for h in fit.hypotheses for p in h.effect.parameters])
     found = fit_effects(problem, fit.hypotheses, fit.thetas, moving=moving)
     if search.solvable(fit, answering=True):
         again = fit_effects(
@@ -124,7 +132,6 @@ def sized(search: Search, fit: Fit) -> Fit:
         found = again if again.gain > (1.0 - MATERIAL) * found.gain else found
     parametrisation = Parametrisation.of(found.hypotheses)
     values = parametrisation.units(np.concatenate(found.thetas))
-    of_arm = np.repeat([_acts_on_arm(h) for h in found.hypotheses], parametrisation.sizes)
     left = whitened(problem, found.hypotheses, found.thetas, exact=found.exact)
     slopes = slopes_of(
         problem, found.hypotheses, parametrisation, values, left, exact=found.exact, chosen=of_arm
@@ -163,21 +170,24 @@ def with_sensors_sized(search: Search, fit: Fit) -> Fit:
         search: The search that chose the effects.
         fit: The effects, as it fitted them; those on the arm stay.
     """
-    parametrisation = Parametrisation.of(fit.hypotheses)
-    of_arm = [k for k, h in enumerate(fit.hypotheses) if _acts_on_arm(h)]
-    if len(of_arm) in (0, len(fit.hypotheses)):
+    of_arm = _on_arm(fit)
+    if of_arm.all() or not of_arm.any():
         return fit
+    parametrisation = Parametrisation.of(fit.hypotheses)
     problem, values = search.problem(), parametrisation.units(np.concatenate(fit.thetas))
     change = whitened(problem, fit.hypotheses, fit.thetas, exact=fit.exact)
     slopes = slopes_of(problem, fit.hypotheses, parametrisation, values, change, exact=fit.exact)
     columns = [np.column_stack(both) for both in zip(slopes, change, strict=True)]
-    errors = [whitened(problem, [fit.hypotheses[k]], [fit.thetas[k]], exact=fit.exact) for k in of_arm]
+    errors = [
+        whitened(problem, [hypothesis], [theta], exact=fit.exact)
+        for hypothesis, theta in zip(fit.hypotheses, fit.thetas, strict=True)
+        if _acts_on_arm(hypothesis)
+    ]
     matrix, vector = beside_law_errors(problem, columns, errors)
     prior = 1.0 / parametrisation.spreads**2
     covariance = np.asarray(np.linalg.inv(matrix[:-1, :-1] + np.diag(prior)), dtype=np.float64)
     pull = vector[:-1] - matrix[:-1, -1] - prior * (values - parametrisation.centres)
-    sensors = np.repeat([not _acts_on_arm(h) for h in fit.hypotheses], parametrisation.sizes)
-    moved = values + np.where(sensors, covariance @ pull, 0.0)
+    moved = values + np.where(of_arm, 0.0, covariance @ pull)
     thetas = parametrisation.split(np.clip(moved, parametrisation.lower, parametrisation.upper))
     return replace(fit, thetas=tuple(thetas), covariance=covariance)
 
@@ -206,15 +216,19 @@ def _left_variance(residuals: Sequence[RecordingResidual], changes: Sequence[Flo
     return squares / sum(np.count_nonzero(recorded.weight) for recorded in residuals)
 
 
+def _on_arm(fit: Fit) -> Flags:
+    """Return which parameters are of effects on the arm, shape (parameters,)."""
+    return np.repeat([_acts_on_arm(h) for h in fit.hypotheses], [len(theta) for theta in fit.thetas])
+
+
 def _acts_on_arm(hypothesis: Hypothesis) -> bool:
     """Return whether an effect is one of the arm, and none of a sensor."""
     return hypothesis.effect.hook != "sensing"
 
 
 def _is_sized(hypothesis: Hypothesis, parameter: ParameterSpec) -> bool:
-    """Return whether least squares fits a parameter: an amplitude on the arm, or where it meets something."""
-    amplitude = parameter.role == "amplitude"
-    return _acts_on_arm(hypothesis) and (amplitude or hypothesis.effect.responds_to_own_effect)
+    """Return whether least squares fits a parameter: an amplitude, or where the arm touches something."""
+    return parameter.role == "amplitude" or hypothesis.effect.responds_to_own_effect
 
 
 def reversed_sign(fit: Fit, other: Fit) -> bool:
