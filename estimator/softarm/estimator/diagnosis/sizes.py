@@ -101,8 +101,7 @@ def sized(search: Search, fit: Fit) -> Fit:
     """Estimate the sizes of chosen effects anew, with their uncertainty.
 
     Without nominal recordings the common coefficients are not known apart from the effects; then, and where a
-    natural frequency was measured, the estimates stay, and only their uncertainty is that between recordings
-    as well.
+    natural frequency was measured, they stay as the search found them.
 
     Args:
         search: The search that chose them.
