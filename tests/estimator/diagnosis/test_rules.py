@@ -767,11 +767,11 @@ def test_a_delay_is_another_vibration_where_that_explains_more():
         assert search.another_vibration(swing, [swing], [heavy]) is consequence
 
 
-def test_a_force_along_the_arm_beside_a_material_law_is_its_stretch_unless_it_weighs():
-    along = Hypothesis(EFFECTS["external_force"], TIP)
-    stiff = Hypothesis(EFFECTS["material_stiffening"], Place(segment="upper"))
-    search = searching(Library((stiff, along), ()))
-    material = Accepted(candidate(fit_of("material_stiffening", 0.5), 1000.0, 0), judgement(), ())
+@pytest.mark.parametrize("effect", ["material_stiffening", "tip_payload", "distributed_mass"])
+def test_a_force_along_the_arm_beside_what_stretches_it_is_that_stretch_unless_it_weighs(effect: str):
+    along, stretching = Hypothesis(EFFECTS["external_force"], TIP), Hypothesis(EFFECTS[effect], Place())
+    search = searching(Library((stretching, along), ()))
+    material = Accepted(candidate(fit_of(effect, 0.5), 1000.0, 0), judgement(), ())
     for share, stretches in ((0.9 * SECOND, True), (1.1 * SECOND, False)):
         pulled = candidate(fit_of("external_force", 0.0, 0.0, 0.2, 0.0), share * 1000.0, 1)
         assert search.another_stretch(pulled, [material]) is stretches

@@ -385,13 +385,14 @@ class Search:
         return candidate.delta_bic < max([DELAY_SHARE * max(weighty), *vibrations])
 
     def another_stretch(self, candidate: Candidate, accepted: Sequence[Accepted]) -> bool:
-        """Return whether a candidate is a force along the arm that a law of bending leaves of the stretch."""
-        material = [
-            one.candidate.delta_bic for one in accepted if self.effect(one.candidate).hook == "constitutive"
-        ]
-        if not material or not self.effect(candidate).along_arm(candidate.fit.thetas[-1]):
+        """Return whether a candidate is a force along the arm, for how another effect stretches that.
+
+        A law of bending says little of the stretch, and a weight stretches each arm otherwise.
+        """
+        stretching = [one.candidate.delta_bic for one in accepted if self.changes_vibration(one.candidate)]
+        if not stretching or not self.effect(candidate).along_arm(candidate.fit.thetas[-1]):
             return False
-        return candidate.delta_bic < SECOND * max(material)
+        return candidate.delta_bic < SECOND * max(stretching)
 
     def changes_vibration(self, candidate: Candidate) -> bool:
         """Return whether a candidate changes stiffness or mass, and with them how the arm vibrates."""
