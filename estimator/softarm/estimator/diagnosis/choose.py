@@ -23,7 +23,9 @@ from softarm.estimator.diagnosis.excursions import excursions_of, samples_near_o
 from softarm.estimator.diagnosis.fit import (
     Fit,
     MarginalisedProblem,
+    Parametrisation,
     RecordingResidual,
+    differentiated,
     fit_effects,
     fit_laws,
     gain_of,
@@ -89,6 +91,8 @@ class Search:
         starts: Where fits of effects that detune the arm begin, by their number.
         tried: Candidates by their number and what was accepted before them.
         settled: Those of them that have been fitted on the model itself, whichever fit was kept.
+        freed: Normal equations of ``searched_beside``.
+        sloped: Of ``slopes``, by stage and fit.
         predictions: How well folds are predicted, by the candidate's fit and what was accepted before it.
         refitted: Joint fits, by where they began.
     """
@@ -108,6 +112,8 @@ class Search:
     starts: dict[int, list[Floats]] = field(default_factory=dict, compare=False)
     tried: dict[tuple[object, ...], Candidate | None] = field(default_factory=dict, compare=False)
     settled: set[tuple[object, ...]] = field(default_factory=set, compare=False)
+    freed: dict[tuple[object, ...], list[NormalEquations]] = field(default_factory=dict, compare=False)
+    sloped: dict[tuple[object, ...], Floats] = field(default_factory=dict, compare=False)
     predictions: dict[tuple[object, ...], FoldCosts] = field(default_factory=dict, compare=False)
     refitted: dict[tuple[object, ...], Fit] = field(default_factory=dict, compare=False)
 
@@ -185,8 +191,9 @@ class Search:
 
     def marginal(self, fit: Fit | None) -> Marginal:
         """Return what the searched stretches show of every column beside accepted effects."""
-        searched = total(self.searched(fit), self.evidence.size)
-        return Marginal.of(self.prior, searched, self.weights.effective_sample_fraction)
+        prior = self.prior_beside(fit)
+        searched = total(self.searched_beside(fit), len(prior.mean))
+        return Marginal.of(prior, searched, self.weights.effective_sample_fraction)
 
     def parts(self, fit: Fit | None) -> list[NormalEquations]:
         """Return the products of the residuals that accepted effects leave, without nominal recordings."""
@@ -199,6 +206,53 @@ class Search:
     def searched(self, fit: Fit | None) -> list[NormalEquations]:
         """Return those of ``parts`` that a fit may see."""
         return [part for part in self.parts(fit) if not part.heldout]
+
+    def searched_beside(self, fit: Fit | None) -> list[NormalEquations]:
+        """Return those of ``searched`` with columns for the sizes of accepted effects, which stay free.
+
+        An effect that stands for a part of another one as well would otherwise hide it: creep that has also
+        taken what a sensor reads too little, or a force the weight of a payload.
+        """
+        searched = self.searched(fit)
+        if fit is None:
+            return searched
+        key = _key(fit)
+        if key not in self.freed:
+            borders = self.evidence.with_columns(
+                self.weights, lambda stage: self.slopes(stage, fit), searched, self.residuals(fit)
+            )
+            self.freed[key] = [part.bordered(new) for part, new in zip(searched, borders, strict=True)]
+        return self.freed[key]
+
+    def prior_beside(self, fit: Fit | None) -> Gaussian:
+        """Return the prior of the common coefficients and of changes of accepted effects' parameters."""
+        prior = self.prior
+        if fit is not None:
+            parametrisation = Parametrisation.of(fit.hypotheses)
+            values = parametrisation.units(np.concatenate(fit.thetas))
+            pulls = parametrisation.centres - values
+            for pull, spread in zip(pulls.tolist(), parametrisation.spreads.tolist(), strict=True):
+                prior = prior.augment(pull, spread**2)
+        return prior
+
+    def slopes(self, stage: Stage, fit: Fit) -> Floats:
+        """Differentiate what accepted effects change by their parameters, shape (samples, rows, parameters).
+
+        To first order, in units of the fit; zero in nominal recordings.
+        """
+        key = (id(stage), *_key(fit))
+        if key not in self.sloped:
+
+            def changed(thetas: Sequence[Floats]) -> list[Floats]:
+                return [stage.change(placed_effects(stage, fit.hypotheses, thetas))]
+
+            parametrisation = Parametrisation.of(fit.hypotheses)
+            values = parametrisation.units(np.concatenate(fit.thetas))
+            slopes = np.zeros((*stage.residual.shape, len(values)))
+            if not stage.session.nominal:
+                (slopes,) = differentiated(parametrisation, values, changed, changed(fit.thetas))
+            self.sloped[key] = np.nan_to_num(slopes)
+        return self.sloped[key]
 
     def residuals(self, fit: Fit | None) -> list[Floats]:
         """Return the residuals that accepted effects leave; nominal recordings have none of them."""
@@ -228,10 +282,13 @@ class Search:
             residual = residuals[number]
             used = np.isfinite(residual) & ~session.heldout[:, None]
             weight = used / self.evidence.scale(self.weights, number)
-            common = self.evidence.columns[number][used] * weight[used][:, None].astype(np.float32)
+            columns = self.evidence.columns[number]
+            if fit is not None:
+                columns = np.concatenate([columns, self.slopes(stage, fit).astype(np.float32)], axis=-1)
+            common = columns[used] * weight[used][:, None].astype(np.float32)
             scaled = np.nan_to_num(residual) * weight
             weighted.append(RecordingResidual(stage, scaled, weight, common, placed_in(stage, fit)))
-        return MarginalisedProblem(tuple(weighted), self.folds(fit).whole)
+        return MarginalisedProblem(tuple(weighted), self.folds_beside(fit).whole)
 
     def finalists(
         self, problem: MarginalisedProblem, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]
@@ -450,8 +507,8 @@ class Search:
         """Return how well folds of the searched stretches are predicted with a candidate and without."""
         key = (_key(candidate.fit), _key(fit))
         if key not in self.predictions:
-            folds = self.folds(fit)
-            new = self.new_columns(self.changes(candidate, fit), fit)
+            folds = self.folds_beside(fit)
+            new = self.new_columns_beside(self.changes(candidate, fit), fit)
             prior, wanted = NOTHING, None
             if self.has_background(candidate):
                 prior, wanted = self.background(candidate, added(new), folds.whole.data)
@@ -486,6 +543,16 @@ class Search:
                 self.folded[key] = self.folds(None).renewed(parts)
         return self.folded[key]
 
+    def folds_beside(self, fit: Fit | None) -> Folds:
+        """Return those with columns for the sizes of accepted effects; see ``searched_beside``."""
+        if fit is None:
+            return self.folds(None)
+        key = ("beside", *_key(fit))
+        if key not in self.folded:
+            fraction = self.weights.effective_sample_fraction
+            self.folded[key] = Folds.of(self.searched_beside(fit), self.prior_beside(fit), fraction)
+        return self.folded[key]
+
     def changes(self, candidate: Candidate, beside: Fit | None = None) -> Callable[[Stage], Floats]:
         """Return what gives the change by a candidate in a session beside a fit, shape (samples, rows, 1)."""
         return lambda stage: self.change(stage, candidate.fit, beside)[..., None]
@@ -502,6 +569,17 @@ class Search:
     def new_columns(self, more: Callable[[Stage], Floats], fit: Fit | None = None) -> list[NewColumns]:
         """Return the products of new columns in the searched stretches, of what a fit leaves."""
         return self.evidence.with_columns(self.weights, more, self.searched(fit), self.residuals(fit))
+
+    def new_columns_beside(self, more: Callable[[Stage], Floats], fit: Fit | None) -> list[NewColumns]:
+        """Return those beside the columns of ``searched_beside``."""
+        if fit is None:
+            return self.new_columns(more)
+
+        def both(stage: Stage) -> Floats:
+            return np.concatenate([self.slopes(stage, fit), more(stage)], axis=-1)
+
+        count = sum(len(theta) for theta in fit.thetas)
+        return [new.beside_first(count) for new in self.new_columns(both, fit)]
 
     def nominal_columns(self, more: Callable[[Stage], Floats]) -> list[NewColumns]:
         """Return the products of new columns in the nominal recordings."""
@@ -522,8 +600,9 @@ class Search:
         beyond, size = self.beyond_library(candidate, new, seen)
         one = np.ones((1, 1))
         nominal = added(self.nominal_columns(self.changes(candidate)))
-        products = self.usual.combined(nominal, Combinations(one, beyond))
+        products = self.usual.combined(nominal, Combinations(one, beyond[: self.evidence.size]))
         less, prior = background_of(self.usual, products, self.width, size)
+        less = np.concatenate([less, np.zeros((len(beyond) - len(less), 1))])
         common = np.concatenate([beyond - less, beyond, np.zeros_like(beyond)], axis=1)
         return prior, Combinations(np.ones((1, 3)), common)
 

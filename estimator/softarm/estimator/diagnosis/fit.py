@@ -1,6 +1,6 @@
 """Nonlinear fit of effects, with all that is common to the recordings marginalised."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -385,16 +385,45 @@ def slopes_of(
     Returns:
         Of each session, shape (samples * rows, parameters); zero for choices between laws, and others.
     """
-    slopes = [np.zeros((len(here), len(values))) for here in change]
+
+    def changed(thetas: Sequence[Floats]) -> list[Floats]:
+        return whitened(problem, hypotheses, thetas, exact=exact)
+
     size = EXACT_STEP if exact else STEP
+    slopes = differentiated(parametrisation, values, changed, change, size=size, chosen=chosen)
+    return [slope[:, 0] for slope in slopes]
+
+
+def differentiated(
+    parametrisation: "Parametrisation",
+    values: Floats,
+    changed: Callable[[Sequence[Floats]], Sequence[Floats]],
+    here: Sequence[Floats],
+    *,
+    size: float = STEP,
+    chosen: Flags | None = None,
+) -> list[Floats]:
+    """Differentiate what effects change by their parameters in units of the fit, by differences.
+
+    Args:
+        parametrisation: Of their parameters.
+        values: Their parameters in units of the fit, shape (parameters,).
+        changed: Gives what parameters of each effect change, some arrays.
+        here: What it gives for ``values``.
+        size: Step of the differences.
+        chosen: By which parameters, shape (parameters,); by all when left out.
+
+    Returns:
+        Arrays as of ``here`` with one more axis of the parameters; zero for choices between laws, and others.
+    """
+    slopes = [np.zeros((*one.shape, len(values))) for one in here]
     wanted = ~parametrisation.choices if chosen is None else chosen & ~parametrisation.choices
     for index in np.flatnonzero(wanted):
         moved = values.copy()
         step = -size if values[index] + size > parametrisation.upper[index] else size
         moved[index] += step
-        there = whitened(problem, hypotheses, parametrisation.split(moved), exact=exact)
-        for slope, ahead, here in zip(slopes, there, change, strict=True):
-            slope[:, index] = (ahead - here)[:, 0] / step
+        for slope, ahead, one in zip(slopes, changed(parametrisation.split(moved)), here, strict=True):
+            slope[..., index] = (ahead - one) / step
     return slopes
 
 

@@ -40,6 +40,11 @@ class NormalEquations:
     vector: Floats
     sum_of_squares: float
 
+    def bordered(self, new: "NewColumns") -> "NormalEquations":
+        """Put new columns behind these."""
+        matrix = np.block([[self.matrix, new.cross], [new.cross.T, new.matrix]])
+        return replace(self, matrix=matrix, vector=np.append(self.vector, new.vector))
+
 
 @dataclass(frozen=True)
 class NewColumns:
@@ -62,6 +67,12 @@ class NewColumns:
     def first(self, count: int) -> "NewColumns":
         """Leave the last columns out."""
         return NewColumns(self.cross[:, :count], self.matrix[:count, :count], self.vector[:count])
+
+    def beside_first(self, count: int) -> "NewColumns":
+        """Count the first columns among those of the normal equations."""
+        own = slice(count, None)
+        cross = np.concatenate([self.cross[:, own], self.matrix[:count, own]])
+        return NewColumns(cross, self.matrix[own, own], self.vector[own])
 
 
 def normal_equations(
