@@ -255,6 +255,19 @@ def test_one_seed_gives_one_report(weak: DiagnosisOutcome) -> None:
     assert report_of(again.diagnosis) == report_of(weak.diagnosis)
 
 
+def test_an_effect_is_found_that_another_one_had_taken_in() -> None:
+    """Alone, creep takes in what a sensor reads too little, with more strength and a longer time."""
+    creep = ("viscoelastic_creep", Place(segment="lower"), (0.19, 8.0, 1.0))
+    scale = ("sensor_scale", Place(sensor="bend_tip"), (-0.1,))
+    tried = ("viscoelastic_creep", "sensor_scale", "segment_stiffness", "chamber_gain", "hysteresis")
+    found = diagnose(model(), trial([creep, scale]), Inline(), effects=tried).diagnosis.findings
+    sizes = {finding.effect: finding.parameters for finding in found}
+    assert set(sizes) == {"viscoelastic_creep", "sensor_scale"}
+    assert sizes["sensor_scale"]["scale"].value == pytest.approx(-0.1, abs=0.01)
+    assert sizes["viscoelastic_creep"]["strength"].value == pytest.approx(0.19, abs=0.03)
+    assert sizes["viscoelastic_creep"]["time_constant"].value == pytest.approx(8.0, abs=1.0)
+
+
 def test_recordings_that_disagree_get_no_finding() -> None:
     """Half of them show a weak chamber, the others one that is as much too strong."""
     known = trial([])[:2]

@@ -181,3 +181,15 @@ def test_a_fold_that_a_size_does_not_fit_has_less_of_the_gain():
     whole, any_size = folds.marginal(columns_).whole, Gaussian(np.zeros(1), 100.0 * np.eye(1))
     gains = folds.shares(columns_, whole, NOTHING) - folds.shares(columns_, whole, any_size)
     assert gains[:4].min() > 0.0 > gains[4]
+
+
+def test_new_columns_behind_the_others_are_columns_like_these(parts):
+    for whole, part, new in zip(parts, known(parts), new_of(parts), strict=True):
+        bordered = part.bordered(new.first(1))
+        wider = slice(COMMON + 1)
+        assert bordered.matrix == pytest.approx(whole.matrix[wider, wider])
+        assert bordered.vector == pytest.approx(whole.vector[wider])
+        other = new.beside_first(1)
+        assert other.cross == pytest.approx(whole.matrix[wider, COMMON + 1 :])
+        assert other.matrix == pytest.approx(whole.matrix[COMMON + 1 :, COMMON + 1 :])
+        assert other.vector == pytest.approx(whole.vector[COMMON + 1 :])
