@@ -35,8 +35,11 @@ from softarm.estimator.specimen.physics import EffectName, Place
 LEAST_BIAS = 300.0
 """Steady error [Pa], and change of it, from which it is reported."""
 LEAST_DELAY = 0.015
+"""Change of dead time and lag together [s] from which it is reported."""
 LEAST_BAND = 300.0
+"""Set-point [Pa] without effect, beyond that of nominal recordings, from which a dead band is seen."""
 LEAST_LOSS = 3000.0
+"""Highest set-point over a ceiling [Pa] from which that is reported."""
 BY_CHANCE = 0.01
 """Probability over all valves below which a change is reported: at most 1 of 100 names is false."""
 CEILING_STD = 100.0
