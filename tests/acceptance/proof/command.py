@@ -11,7 +11,7 @@ from acceptance.proof.alternatives import alternatives_table
 from acceptance.proof.cost import cost_table
 from acceptance.proof.force import force_table
 from acceptance.proof.schedule import SealedTrial, schedule
-from acceptance.proof.sensitivity import sensitivity_of_choice, sensitivity_of_valves
+from acceptance.proof.sensitivity import CHOICE, VALVES, sensitivity_table
 from acceptance.proof.swing import swing_table
 from acceptance.proof.touches import touches_table
 from acceptance.proof.trial import Folders, forget, lay_out, name_of, record
@@ -28,7 +28,7 @@ from softarm.common.tables import Table
 MOTIONS = ("designed", "ordinary")
 PARTS = ("trials", "alternatives", "force", "cost")
 ON_REQUEST = ("swing", "touches", "sensitivity", "valves")
-"""Parts that are left out unless they are named; the last two are on all trials that were kept."""
+"""Parts that are left out unless they are named; the last three are on all trials that were kept."""
 HEAD = """# The proof of the diagnosis
 
 Written by `softarm bench proof --write docs/diagnosis-proof.md`.
@@ -114,10 +114,10 @@ def command(
         tables.append(swing_table(single, folders, notify))
     if "touches" in parts:
         tables.append(touches_table(read_trials(folders.trials), folders, notify))
-    if "sensitivity" in parts:
-        tables.append(sensitivity_of_choice(read_trials(folders.trials), folders.root / "products", notify))
-    if "valves" in parts:
-        tables.append(sensitivity_of_valves(read_trials(folders.trials), folders.root / "products", notify))
+    for part, decided in (("sensitivity", CHOICE), ("valves", VALVES)):
+        if part in parts:
+            kept = folders.root / "products"
+            tables.append(sensitivity_table(decided, read_trials(folders.trials), kept, notify))
     show(*tables, as_json=as_json)
     if write is not None:
         write_page(write, tables, HEAD)

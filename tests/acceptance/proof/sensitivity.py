@@ -202,26 +202,17 @@ class Decided:
 
     Args:
         title: Of the table.
-        constants: The constants.
+        modules: Where they are.
         prepare: Prepares verdicts on a trial, with the folder of products.
     """
 
     title: str
-    constants: tuple[DecidingConstant, ...]
+    modules: tuple[str, ...]
     prepare: Callable[[Trial, Path], Verdicts]
 
 
-def sensitivity_of_choice(trials: Sequence[Trial], kept: Path, notify: Callable[[str], None]) -> Table:
-    """Move the constants that decide what the arm does; see ``sensitivity_table``."""
-    return sensitivity_table(
-        Decided("Deciding constants", deciding_constants(), of_choice), trials, kept, notify
-    )
-
-
-def sensitivity_of_valves(trials: Sequence[Trial], kept: Path, notify: Callable[[str], None]) -> Table:
-    """Move the constants that decide what valves do; see ``sensitivity_table``."""
-    decided = Decided("Deciding constants of valves", deciding_constants(OF_THE_VALVES), of_valves)
-    return sensitivity_table(decided, trials, kept, notify)
+CHOICE = Decided("Deciding constants", (*OF_THE_NOISE, *OF_THE_CHOICE), of_choice)
+VALVES = Decided("Deciding constants of valves", OF_THE_VALVES, of_valves)
 
 
 def sensitivity_table(
@@ -235,12 +226,13 @@ def sensitivity_table(
         kept: Folder of products and verdicts, of one version of the program.
         notify: Called with the verdicts.
     """
-    changes: dict[DecidingConstant, list[str]] = {one: [] for one in decided.constants}
+    constants = deciding_constants(decided.modules)
+    changes: dict[DecidingConstant, list[str]] = {one: [] for one in constants}
     for trial in trials:
         known, verdict = read_verdicts(kept, trial), decided.prepare(trial, kept)
         usual = verdict(None)
         notify(f"{trial.name}: {', '.join(usual) or 'nothing'}")
-        for one in decided.constants:
+        for one in constants:
             for factor in (1.0 - STEP, 1.0 + STEP):
                 key = f"{one.module}.{one.name} x {factor:g}"
                 if key not in known:
@@ -258,7 +250,7 @@ def sensitivity_table(
             "changes": len(changes[one]),
             "which": "; ".join(changes[one]) or None,
         }
-        for one in decided.constants
+        for one in constants
     ]
     return Table(f"{decided.title} moved by a fifth on {len(trials)} trials", rows)
 

@@ -7,13 +7,14 @@ import pytest
 
 from acceptance.proof import sensitivity
 from acceptance.proof.sensitivity import (
+    CHOICE,
     OF_THE_VALVES,
     STEP,
     DecidingConstant,
     deciding_constants,
     moved,
     of_valves,
-    sensitivity_of_choice,
+    sensitivity_table,
 )
 from softarm.bench.trials.folders import Trial
 from softarm.estimator.diagnosis import (
@@ -83,7 +84,7 @@ def rows_that_change(monkeypatch, folder, verdict):
     monkeypatch.setattr(sensitivity, "remembering", lambda _: object())
     monkeypatch.setattr(sensitivity, "_fresh", lambda search: search)
     monkeypatch.setattr(sensitivity, "verdict_of", lambda _: (verdict(),))
-    table = sensitivity_of_choice([Trial("one", "sopra", (), ())], folder, lambda _: None)
+    table = sensitivity_table(CHOICE, [Trial("one", "sopra", (), ())], folder, lambda _: None)
     return [row for row in table.rows if row["changes"]]
 
 

@@ -433,7 +433,7 @@ class Search:
         A change of the vibration is one unless it gains half as much as they do; a delay if it gains little
         beside them, or less than some change of the vibration does.
         """
-        weighty = [one.candidate.delta_bic for one in accepted if self.changes_vibration(one.candidate)]
+        weighty = self.weighty(accepted)
         if not weighty or not self.only_moves(candidate):
             return False
         if self.changes_vibration(candidate):
@@ -446,10 +446,14 @@ class Search:
 
         A law of bending says little of the stretch, and a weight stretches each arm otherwise.
         """
-        stretching = [one.candidate.delta_bic for one in accepted if self.changes_vibration(one.candidate)]
-        if not stretching or not self.effect(candidate).along_arm(candidate.fit.thetas[-1]):
+        weighty = self.weighty(accepted)
+        if not weighty or not self.effect(candidate).along_arm(candidate.fit.thetas[-1]):
             return False
-        return candidate.delta_bic < SECOND * max(stretching)
+        return candidate.delta_bic < SECOND * max(weighty)
+
+    def weighty(self, accepted: Sequence[Accepted]) -> list[float]:
+        """Return the gains of accepted effects that change stiffness or mass."""
+        return [one.candidate.delta_bic for one in accepted if self.changes_vibration(one.candidate)]
 
     def changes_vibration(self, candidate: Candidate) -> bool:
         """Return whether a candidate changes stiffness or mass, and with them how the arm vibrates."""

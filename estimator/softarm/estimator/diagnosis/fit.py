@@ -306,10 +306,7 @@ def _normal(
 ) -> tuple[Floats, Floats]:
     """Return the normal equations of a step: the matrix and the right side."""
     both = [np.column_stack([s, c]) for s, c in zip(slopes, change, strict=True)]
-    product, vector = problem.projected(both)
-    prior = 1.0 / parametrisation.spreads**2
-    pull: Floats = vector[:-1] - product[:-1, -1] - (values - parametrisation.centres) * prior
-    return product[:-1, :-1] + np.diag(prior), pull
+    return parametrisation.step(*problem.projected(both), values)
 
 
 def _secant(slopes: list[Floats], step: Floats, change: list[Floats]) -> None:
@@ -473,6 +470,18 @@ class Parametrisation:
         """Spread of the priors; that of an amplitude decides only where a shape makes up for any size."""
         spreads: Floats = np.maximum(np.array([_spread(p) for p in self.parameters]), 1e-3)
         return spreads
+
+    def step(self, product: Floats, vector: Floats, values: Floats) -> tuple[Floats, Floats]:
+        """Return the normal equations of a step with the priors: the matrix and the right side.
+
+        Args:
+            product: M of the slopes by the parameters and then of the change.
+            vector: b of the same.
+            values: The parameters there, shape (parameters,).
+        """
+        prior = 1.0 / self.spreads**2
+        pull: Floats = vector[:-1] - product[:-1, -1] - (values - self.centres) * prior
+        return product[:-1, :-1] + np.diag(prior), pull
 
     def penalty(self, values: Floats) -> float:
         """Return the cost of values under their priors."""

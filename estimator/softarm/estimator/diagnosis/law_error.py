@@ -32,20 +32,22 @@ def gain_beside_law_errors(problem: MarginalisedProblem, fit: Fit, number: int) 
     own_sensor = fit.hypotheses[number].place.sensor
     erring = [k for k in others if fit.hypotheses[k].place.sensor in (None, own_sensor)]
     columns = [np.column_stack([all_ - other, other]) for all_, other in zip(whole, rest, strict=True)]
-    matrix, vector = beside_law_errors(problem, columns, [_changes(problem, fit, [k]) for k in erring])
+    matrix, vector = beside_law_errors(problem, columns, fit, erring)
     return float(2.0 * (vector[0] - matrix[0, 1]) - matrix[0, 0])
 
 
 def beside_law_errors(
-    problem: MarginalisedProblem, columns: Sequence[Floats], errors: Sequence[Sequence[Floats]]
+    problem: MarginalisedProblem, columns: Sequence[Floats], fit: Fit, erring: Sequence[int]
 ) -> tuple[Floats, Floats]:
     """Return M and b of whitened columns as ``projected`` does, with the errors of laws marginalised as well.
 
     Args:
         problem: What is fitted to.
         columns: Of each recording, shape (samples * channels, k).
-        errors: What each effect whose law errs changes of each recording, shape (samples * channels, 1).
+        fit: Effects.
+        erring: Numbers of those whose laws err.
     """
+    errors = [_changes(problem, fit, [number]) for number in erring]
     k = columns[0].shape[1]
     count = sum(recorded.residual.shape[1] for recorded in problem.residuals) * len(errors)
     widened, first = [], k

@@ -177,15 +177,9 @@ def with_sensors_sized(search: Search, fit: Fit) -> Fit:
     change = whitened(problem, fit.hypotheses, fit.thetas, exact=fit.exact)
     slopes = slopes_of(problem, fit.hypotheses, parametrisation, values, change, exact=fit.exact)
     columns = [np.column_stack(both) for both in zip(slopes, change, strict=True)]
-    errors = [
-        whitened(problem, [hypothesis], [theta], exact=fit.exact)
-        for hypothesis, theta in zip(fit.hypotheses, fit.thetas, strict=True)
-        if _acts_on_arm(hypothesis)
-    ]
-    matrix, vector = beside_law_errors(problem, columns, errors)
-    prior = 1.0 / parametrisation.spreads**2
-    covariance = np.asarray(np.linalg.inv(matrix[:-1, :-1] + np.diag(prior)), dtype=np.float64)
-    pull = vector[:-1] - matrix[:-1, -1] - prior * (values - parametrisation.centres)
+    erring = [number for number, hypothesis in enumerate(fit.hypotheses) if _acts_on_arm(hypothesis)]
+    matrix, pull = parametrisation.step(*beside_law_errors(problem, columns, fit, erring), values)
+    covariance = np.asarray(np.linalg.inv(matrix), dtype=np.float64)
     moved = values + np.where(of_arm, 0.0, covariance @ pull)
     thetas = parametrisation.split(np.clip(moved, parametrisation.lower, parametrisation.upper))
     return replace(fit, thetas=tuple(thetas), covariance=covariance)
