@@ -14,7 +14,7 @@ from softarm.common.tables import Cell, Table
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.diagnose import begin
-from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.fit import Fit, change_by
 from softarm.estimator.diagnosis.screen import screen
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.vibration import OTHER_ARM, moved_by, steps_of
@@ -70,7 +70,7 @@ def swing_rows(trial: SealedTrial, folders: Folders) -> list[dict[str, Cell]]:
         )
         left = [
             _size(one, residual) / _size(one, _vibrated(one))
-            for one, residual in ((stage, stage.residual - search.change(stage, fit)), (twin, twin.residual))
+            for one, residual in ((stage, stage.residual - change_by(stage, fit)), (twin, twin.residual))
         ]
         rows.append(
             {
@@ -104,7 +104,7 @@ def fitted(search: Search, effect: str, where: Mapping[str, Any]) -> Fit | None:
     hypotheses = search.evidence.library.hypotheses
     numbers = {k for k, one in enumerate(hypotheses) if one.name == effect and _is_at(one.place, where)}
     problem = search.problem()
-    ranked = search.at_size(screen(search.evidence, search.marginal(None), frozenset()), problem)
+    ranked = search.at_size(screen(search.evidence, search.left(None).marginal, frozenset()), problem)
     field = search.finalists(problem, None, [entry for entry in ranked if entry[0] in numbers])
     return field[0].fit if field else None
 

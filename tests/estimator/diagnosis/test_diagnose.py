@@ -76,7 +76,7 @@ def test_the_remaining_error_is_weighed_by_its_covariance() -> None:
     search = begin(assemble(model(), [_seven_samples(24)], Inline(), TRIED).evidence, fast=True)
     (stage,), (columns,) = search.evidence.stages, search.evidence.columns
     confirming = stage.session.heldout & ~stage.session.reported
-    learnt = search.folds(None).whole
+    learnt = search.left(None).folds.whole
     floor = np.array([search.evidence.floors[name] for name in channels(stage.suite)])
     noise = (floor * stage.compliance[:, None])[confirming]
     left = (stage.residual - columns @ learnt.mean)[confirming] / noise
@@ -222,14 +222,12 @@ def test_what_is_suspected_and_not_found_is_what_any_arm_may_have(monkeypatch: p
 def test_stretches_are_predicted_by_other_folds_alone() -> None:
     """Whatever a stretch shows changes what is left of it as much as it changes its readings."""
     search = begin(assemble(model(), RUNS, Inline(), REST).evidence, fast=True)
-    evidence, part = search.evidence, search.parts(None)[0]
+    evidence, part = search.evidence, search.left(None).parts[0]
     assert not part.heldout
     chosen = evidence.stages[part.session].session.blocks == part.block
     moved = [residual.copy() for residual in evidence.residuals]
     moved[part.session][chosen] += 0.01 * evidence.columns[part.session][chosen][..., 0]
-    other = replace(
-        search, evidence=replace(evidence, residuals=tuple(moved), kept={}), products={}, folded={}
-    )
+    other = replace(search, evidence=replace(evidence, residuals=tuple(moved), kept={}), remainders={})
     before, after = (residuals_out_of_fold(one, None)[part.session] for one in (search, other))
     by = moved[part.session] - evidence.residuals[part.session]
     assert (after - before)[chosen] == pytest.approx(by[chosen], abs=1e-9)

@@ -9,6 +9,7 @@ import pytest
 
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.arrays import Floats
+from softarm.estimator.diagnosis import events
 from softarm.estimator.diagnosis.diagnose import diagnose
 from softarm.estimator.diagnosis.events import EventErrors, change_of_sensors, law_errors
 from softarm.estimator.diagnosis.fit import Fit
@@ -108,7 +109,9 @@ def test_the_law_of_a_finding_may_get_some_of_what_it_changes_wrong() -> None:
     assert by_law[large] / changed[large] == pytest.approx(1.96 * 0.3, rel=0.1)
 
 
-def test_an_arm_may_be_as_far_away_as_a_law_that_is_a_little_stronger_puts_it() -> None:
+def test_an_arm_may_be_as_far_away_as_a_law_that_is_a_little_stronger_puts_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """One that is about to snap through is far from where its law has it if that is wrong by little."""
     suite = trial([WEAK])[3].suite
     fit = Fit((Hypothesis(EFFECTS["tip_payload"], Place()),), (np.array([0.02]),), np.eye(1), 0.0)
@@ -116,9 +119,10 @@ def test_an_arm_may_be_as_far_away_as_a_law_that_is_a_little_stronger_puts_it() 
     def change(_: object, own: Fit) -> Floats:
         return np.tile((own.thetas[0][0] / 0.02) ** 8 * np.ones(len(suite.units)), (2, 1))
 
-    search, stage = (cast("Any", SimpleNamespace(**made)) for made in ({"change": change}, {"suite": suite}))
+    monkeypatch.setattr(events, "change_by", change)
+    stage = cast("Any", SimpleNamespace(suite=suite))
     rows = suite.slices[suite.measurements[0].name]
-    errors = law_errors(search, stage, fit, change(stage, fit))
+    errors = law_errors(stage, fit, change(stage, fit))
     assert errors[:, rows] == pytest.approx((1.3**8 - 1.0) * np.sqrt(2.0))
 
 

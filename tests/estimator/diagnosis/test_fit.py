@@ -15,9 +15,9 @@ from softarm.estimator.diagnosis.fit import (
     slopes_of,
     whitened,
 )
-from softarm.estimator.diagnosis.folds import Marginaliser
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.marginal import Marginaliser
 from softarm.estimator.diagnosis.normal_equations import NormalEquations, normal_equations, total
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import EFFECTS, Spot

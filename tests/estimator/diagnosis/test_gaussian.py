@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis.gaussian import Factor, Gaussian, Marginal
+from softarm.estimator.diagnosis.gaussian import Factor, Gaussian
+from softarm.estimator.diagnosis.marginal import Marginal, Marginaliser, cost_of
 from softarm.estimator.diagnosis.normal_equations import Total, normal_equations, renewed, total, with_columns
 
 
@@ -57,9 +58,9 @@ def test_the_gain_of_extra_coefficients_is_the_fall_of_the_cost(data: tuple[np.n
     with_extra = Gaussian(np.zeros(5), np.diag([0.01] * 4 + [1e6]))
     parts = _products(residual, np.concatenate([columns[..., :4], columns[..., 1:2]], axis=-1))
     small = [type(p)(**{**vars(p), "matrix": p.matrix[:4, :4], "vector": p.vector[:4]}) for p in parts]
-    marginal = Marginal.of(known, total(small, 4), 1.0)
+    marginal = Marginal.of(Marginaliser.of(total(small, 4), known, 1.0))
     gain, _ = marginal.gain([1])
-    after = Marginal.of(with_extra, total(parts, 5), 1.0).cost
+    after = cost_of(with_extra, total(parts, 5), 1.0)
     assert gain == pytest.approx(marginal.cost - after, rel=1e-3)
 
 
@@ -67,9 +68,9 @@ def test_the_usual_gain_is_the_fall_of_the_cost_from_coefficients_held_at_their_
     data: tuple[np.ndarray, np.ndarray],
 ) -> None:
     parts = total(_products(*data), 5)
-    marginal = Marginal.of(Gaussian(np.zeros(5), 0.01 * np.eye(5)), parts, 1.0)
+    marginal = Marginal.of(Marginaliser.of(parts, Gaussian(np.zeros(5), 0.01 * np.eye(5)), 1.0))
     held = Gaussian(np.zeros(5), np.diag([0.01, 1e-10, 0.01, 1e-10, 0.01]))
-    fall = Marginal.cost_of(held, parts, 1.0) - marginal.cost
+    fall = cost_of(held, parts, 1.0) - marginal.cost
     assert marginal.usual_gain([1, 3]) == pytest.approx(fall, rel=1e-3)
 
 
@@ -112,4 +113,4 @@ def test_a_column_of_which_rounding_leaves_less_than_nothing_stays_finite() -> N
     assert np.abs(solved).max() < 1.0
     prior = Gaussian(np.zeros(2), np.diag([1e6, 1.0]))
     learnt = prior.posterior(Total(9.0, matrix, np.array([1e-3, 2.0]), 1.0), 1.0)
-    assert np.isfinite(Marginal.cost_of(learnt, Total(9.0, matrix, np.array([1e-3, 2.0]), 1.0), 1.0))
+    assert np.isfinite(cost_of(learnt, Total(9.0, matrix, np.array([1e-3, 2.0]), 1.0), 1.0))

@@ -136,13 +136,14 @@ def test_the_worst_stretch_is_compared_with_the_worst_nominal_one(search, *, rep
     made = SimpleNamespace(
         evidence=SimpleNamespace(stages=stages, columns=columns),
         weights=search.weights,
-        residuals=lambda _: residuals,
         prior=SimpleNamespace(mean=np.zeros(1)),
-        folds=lambda _: SimpleNamespace(whole=SimpleNamespace(mean=np.zeros(1))),
+        left=lambda _: SimpleNamespace(
+            residuals=residuals, folds=SimpleNamespace(whole=SimpleNamespace(mean=np.zeros(1)))
+        ),
     )
     assert worst_over_nominal(made, None) == pytest.approx(ratio)
     alone = SimpleNamespace(
         **(vars(made) | {"evidence": SimpleNamespace(stages=stages[1:], columns=columns[1:])})
     )
-    alone.residuals = lambda _: residuals[1:]
+    alone.left = lambda _: SimpleNamespace(residuals=residuals[1:], folds=made.left(None).folds)
     assert worst_over_nominal(alone, None) == 0.0

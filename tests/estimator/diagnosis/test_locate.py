@@ -30,8 +30,7 @@ def without(run: Session, sensor: str) -> Session:
 def mapped(runs: list[Session]) -> LocationMap:
     sessions = [session(f"nominal_{k}", k, nominal=True) for k in range(2)] + runs
     search = begin(assemble(model(), sessions, Inline(), ("sensor_bias",)).evidence, fast=False)
-    evidence, prior = search.evidence, search.prior
-    return locate(evidence, evidence.residuals, search.weights, prior, np.random.default_rng(0))
+    return locate(search.left(None), np.random.default_rng(0))
 
 
 def test_recordings_with_other_sensors_count() -> None:

@@ -34,7 +34,7 @@ from softarm.estimator.diagnosis.conclude import (
 from softarm.estimator.diagnosis.diagnose import Decision
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Folds
-from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
+from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
 from softarm.estimator.diagnosis.judge import (
     CERTAIN,
     FoldCosts,
@@ -44,6 +44,7 @@ from softarm.estimator.diagnosis.judge import (
     judge,
 )
 from softarm.estimator.diagnosis.library import Direction, Hypothesis, Library
+from softarm.estimator.diagnosis.marginal import Marginal, null_draws
 from softarm.estimator.diagnosis.nominal import MATERIAL, evidence_of_change, passive, prior_before
 from softarm.estimator.diagnosis.normal_equations import (
     NewColumns,
@@ -424,7 +425,7 @@ def test_chances_of_the_search_are_even_or_cautious_where_nothing_is_missing(lib
     plain = Marginal(matrix, np.zeros(3), 500.0, 400.0, np.zeros(3), np.eye(3))
     null = null_scores(evidence, plain, rng)
     chances = []
-    for drawn in plain.null_draws(rng, 400, 0):
+    for drawn in null_draws(plain.matrix, rng, 400):
         marginal = Marginal(matrix, drawn, 500.0, 400.0, np.zeros(3), np.eye(3))
         best = screen(evidence, marginal, frozenset())[0][1]
         chances.append(float((null >= best).mean()))
@@ -814,12 +815,11 @@ def test_an_effect_is_chosen_again_beside_the_one_that_was_found_after_it(
 
     search = SimpleNamespace(
         refit=lambda fit: fit,
-        problem=lambda _: None,
         finalists=lambda _, left, ranked: [{0: payload, 1: mass}[number] for number, *_ in ranked],
         best=best,
         worth=lambda fit: worth if fit.hypotheses[0].name == "distributed_mass" else 100.0,
         evidence=None,
-        marginal=lambda _: None,
+        left_free=lambda _: SimpleNamespace(problem=lambda: None, marginal=None),
         at_size=lambda ranked, _: ranked,
     )
     monkeypatch.setattr("softarm.estimator.diagnosis.choose.screen", screened)
@@ -885,11 +885,10 @@ def test_an_effect_has_to_predict_the_confirming_stretches_if_it_would_show_ther
         return [new for own in parts for new in with_columns([own], left, common, change, np.ones(1), none)]
 
     search = SimpleNamespace(
-        parts=lambda own: confirming(*(before if own is None else after)),
+        left=lambda own: SimpleNamespace(parts=confirming(*(before if own is None else after)), residuals=[]),
         prior=Gaussian(np.zeros(1), 1e-4 * np.eye(1)),
         weights=SimpleNamespace(effective_sample_fraction=1.0),
         evidence=SimpleNamespace(size=1, with_columns=products),
-        residuals=lambda _: [],
         rng=np.random.default_rng(0),
         subset=lambda _, kept: None if not kept else fit,
     )
@@ -1022,7 +1021,9 @@ def test_what_takes_the_place_of_a_choice_that_failed_has_to_explain_more(
 
 
 def test_without_confirming_stretches_nothing_is_unproven():
-    search = cast("Any", SimpleNamespace(parts=lambda _: [], rng=np.random.default_rng(0)))
+    search = cast(
+        "Any", SimpleNamespace(left=lambda _: SimpleNamespace(parts=[]), rng=np.random.default_rng(0))
+    )
     assert unproven(search, chosen(fit_of("tip_payload", 0.02))) == []
 
 

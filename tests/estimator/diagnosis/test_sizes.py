@@ -267,7 +267,8 @@ def test_a_leak_that_is_not_distinguishable_from_none_is_a_late_line(monkeypatch
     search = SimpleNamespace(
         exchanged=lambda own, _, one: replace(own, accepted=(replace(accepted, candidate=one),), fit=one.fit),
         contribution=lambda *_: 90.0,
-        problem=lambda *_: None,
+        problem=lambda: None,
+        left_free=lambda _: SimpleNamespace(problem=lambda: None),
         bic_penalty=5.0,
         subset=lambda *_: None,
         candidate=lambda number, theta, *_: late if (number, theta.tolist()) == (1, [0.2]) else None,

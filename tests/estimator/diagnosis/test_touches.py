@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from softarm.analysis.diagnosis.workers import Inline
+from softarm.estimator.diagnosis import touches
 from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, diagnose
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.touches import out_of_reach, without_touches
@@ -89,7 +90,9 @@ def test_readings_of_a_touch_are_kept_where_no_fit_sees_them() -> None:
 
 
 @pytest.mark.parametrize(("effect", "hidden"), [("contact_obstacle", True), ("chamber_gain", False)])
-def test_where_a_wall_pushes_its_own_error_is_no_touch(effect: str, hidden: bool) -> None:
+def test_where_a_wall_pushes_its_own_error_is_no_touch(
+    monkeypatch: pytest.MonkeyPatch, effect: str, hidden: bool
+) -> None:
     residual = np.ones((6, 2))
     push = np.zeros((6, 2))
     push[2:4, 1] = np.radians(5.0)
@@ -97,12 +100,12 @@ def test_where_a_wall_pushes_its_own_error_is_no_touch(effect: str, hidden: bool
     fit: Any = SimpleNamespace(
         hypotheses=(SimpleNamespace(effect=EFFECTS[effect]),), selected=lambda kept: list(kept)
     )
-    search: Any = SimpleNamespace(change=lambda stage, fit: push)
+    monkeypatch.setattr(touches, "change_by", lambda _stage, _fit: push)
     stage: Any = SimpleNamespace(
         residual=residual,
         suite=SimpleNamespace(units=("rad", "rad")),
         session=SimpleNamespace(nominal=False),
     )
-    left = out_of_reach(search, stage, fit, residual)
+    left = out_of_reach(stage, fit, residual)
     assert np.array_equal(np.flatnonzero(np.isnan(left).all(axis=1)), [2, 3] if hidden else [])
-    assert np.array_equal(out_of_reach(search, stage, None, residual), residual)
+    assert np.array_equal(out_of_reach(stage, None, residual), residual)

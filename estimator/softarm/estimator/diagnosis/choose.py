@@ -23,26 +23,23 @@ from softarm.estimator.diagnosis.excursions import excursions_of, samples_near_o
 from softarm.estimator.diagnosis.fit import (
     Fit,
     MarginalisedProblem,
-    Parametrisation,
-    RecordingResidual,
-    differentiated,
+    change_by,
     fit_effects,
     fit_laws,
     gain_of,
-    placed_effects,
 )
-from softarm.estimator.diagnosis.folds import Combinations, Folds, Marginaliser
-from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
+from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
 from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN, FoldCosts, Judgement, fold_costs, judge
+from softarm.estimator.diagnosis.marginal import Combinations, Marginal, Marginaliser, cost_of
 from softarm.estimator.diagnosis.natural_frequency import NaturalFrequency
 from softarm.estimator.diagnosis.nominal import UNKNOWN, background_of, usual_recordings
-from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, added, total
+from softarm.estimator.diagnosis.normal_equations import NewColumns, Total, added
 from softarm.estimator.diagnosis.probability import BARE, probabilities, spent
+from softarm.estimator.diagnosis.remainder import Remainder
 from softarm.estimator.diagnosis.screen import null_scores, screen, usual_gains
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.effects import Effect, ParameterSpec
-from softarm.estimator.effects.placed import PlacedEffect
 from softarm.estimator.specimen.physics import EffectName
 
 MOST = 4
@@ -85,14 +82,11 @@ class Search:
         natural_frequency: Those measured, where arms were released.
         suspected: Effects that the prior leaves to the search where there are no nominal recordings.
         advance: Called with 1 after each step.
-        kept: Residuals under fits that were asked for.
-        products: Normal equations of these.
-        folded: Folds of the searched stretches, by the fit that was asked for.
+        remainders: What accepted effects leave, by their fit.
+        freed: The same with free sizes.
         starts: Where fits of effects that detune the arm begin, by their number.
         tried: Candidates by their number and what was accepted before them.
         settled: Those of them that have been fitted on the model itself, whichever fit was kept.
-        freed: Normal equations of ``searched_beside``.
-        sloped: Of ``slopes``, by stage and fit.
         predictions: How well folds are predicted, by the candidate's fit and what was accepted before it.
         refitted: Joint fits, by where they began.
     """
@@ -106,14 +100,11 @@ class Search:
     natural_frequency: NaturalFrequency | None = None
     suspected: frozenset[EffectName] = frozenset()
     advance: Callable[[float], None] = lambda _: None
-    kept: dict[tuple[object, ...], list[Floats]] = field(default_factory=dict, compare=False)
-    products: dict[tuple[object, ...], list[NormalEquations]] = field(default_factory=dict, compare=False)
-    folded: dict[tuple[object, ...], Folds] = field(default_factory=dict, compare=False)
+    remainders: dict[tuple[object, ...], Remainder] = field(default_factory=dict, compare=False)
+    freed: dict[tuple[object, ...], Remainder] = field(default_factory=dict, compare=False)
     starts: dict[int, list[Floats]] = field(default_factory=dict, compare=False)
     tried: dict[tuple[object, ...], Candidate | None] = field(default_factory=dict, compare=False)
     settled: set[tuple[object, ...]] = field(default_factory=set, compare=False)
-    freed: dict[tuple[object, ...], list[NormalEquations]] = field(default_factory=dict, compare=False)
-    sloped: dict[tuple[object, ...], Floats] = field(default_factory=dict, compare=False)
     predictions: dict[tuple[object, ...], FoldCosts] = field(default_factory=dict, compare=False)
     refitted: dict[tuple[object, ...], Fit] = field(default_factory=dict, compare=False)
 
@@ -127,7 +118,8 @@ class Search:
         fit: Fit | None = None
         alarm_p, turned_down = 1.0, None
         while len(accepted) < MOST:
-            marginal = self.marginal(fit)
+            left = self.left_free(fit)
+            marginal = left.marginal
             taken = frozenset(a.candidate.number for a in accepted) | refused
             ranked = screen(self.evidence, marginal, taken)
             null = null_scores(self.evidence, marginal, self.rng)
@@ -135,7 +127,7 @@ class Search:
                 alarm_p = float((null >= ranked[0][1]).mean()) if ranked else 1.0
             if not ranked or ranked[0][1] <= 0.0:
                 break
-            problem = self.problem(fit)
+            problem = left.problem()
             field = self.finalists(problem, fit, self.nominated(self.at_size(ranked, problem), marginal))
             self.advance(1.0)
             if not field:
@@ -189,106 +181,25 @@ class Search:
         hypotheses = self.evidence.library.hypotheses
         return [e for k, e in enumerate(ranked) if k < FINALISTS or hypotheses[e[0]].name == name]
 
-    def marginal(self, fit: Fit | None) -> Marginal:
-        """Return what the searched stretches show of every column beside accepted effects."""
-        prior = self.prior_beside(fit)
-        searched = total(self.searched_beside(fit), len(prior.mean))
-        return Marginal.of(prior, searched, self.weights.effective_sample_fraction)
-
-    def parts(self, fit: Fit | None) -> list[NormalEquations]:
-        """Return the products of the residuals that accepted effects leave, without nominal recordings."""
+    def left(self, fit: Fit | None) -> Remainder:
+        """Return what accepted effects leave."""
         key = _key(fit)
-        if key not in self.products:
-            products = self.evidence.products(self.weights, self.residuals(fit))
-            self.products[key] = [part for part in products if not part.nominal]
-        return self.products[key]
+        if key not in self.remainders:
+            self.remainders[key] = Remainder.of(self.evidence, self.weights, self.prior, fit)
+        return self.remainders[key]
 
-    def searched(self, fit: Fit | None) -> list[NormalEquations]:
-        """Return those of ``parts`` that a fit may see."""
-        return [part for part in self.parts(fit) if not part.heldout]
-
-    def searched_beside(self, fit: Fit | None) -> list[NormalEquations]:
-        """Return those of ``searched`` with columns for the sizes of accepted effects, which stay free.
-
-        An effect that stands for a part of another one as well would otherwise hide it: creep that has also
-        taken what a sensor reads too little, or a force the weight of a payload.
-        """
-        searched = self.searched(fit)
+    def left_free(self, fit: Fit | None) -> Remainder:
+        """Return the same with free sizes of these effects: what others are sought in."""
         if fit is None:
-            return searched
+            return self.left(None)
         key = _key(fit)
         if key not in self.freed:
-            borders = self.evidence.with_columns(
-                self.weights, lambda stage: self.slopes(stage, fit), searched, self.residuals(fit)
-            )
-            self.freed[key] = [part.bordered(new) for part, new in zip(searched, borders, strict=True)]
+            self.freed[key] = self.left(fit).with_free_sizes(fit)
         return self.freed[key]
 
-    def prior_beside(self, fit: Fit | None) -> Gaussian:
-        """Return the prior of the common coefficients and of changes of accepted effects' parameters."""
-        prior = self.prior
-        if fit is not None:
-            parametrisation = Parametrisation.of(fit.hypotheses)
-            values = parametrisation.units(np.concatenate(fit.thetas))
-            pulls = parametrisation.centres - values
-            for pull, spread in zip(pulls.tolist(), parametrisation.spreads.tolist(), strict=True):
-                prior = prior.augment(pull, spread**2)
-        return prior
-
-    def slopes(self, stage: Stage, fit: Fit) -> Floats:
-        """Differentiate what accepted effects change by their parameters, shape (samples, rows, parameters).
-
-        To first order, in units of the fit; zero in nominal recordings.
-        """
-        key = (id(stage), *_key(fit))
-        if key not in self.sloped:
-
-            def changed(thetas: Sequence[Floats]) -> list[Floats]:
-                return [stage.change(placed_effects(stage, fit.hypotheses, thetas))]
-
-            parametrisation = Parametrisation.of(fit.hypotheses)
-            values = parametrisation.units(np.concatenate(fit.thetas))
-            slopes = np.zeros((*stage.residual.shape, len(values)))
-            if not stage.session.nominal:
-                (slopes,) = differentiated(parametrisation, values, changed, changed(fit.thetas))
-            self.sloped[key] = np.nan_to_num(slopes)
-        return self.sloped[key]
-
-    def residuals(self, fit: Fit | None) -> list[Floats]:
-        """Return the residuals that accepted effects leave; nominal recordings have none of them."""
-        if fit is None:
-            return list(self.evidence.residuals)
-        key = _key(fit)
-        if key not in self.kept:
-            self.kept[key] = [
-                residual if stage.session.nominal else residual - self.change(stage, fit)
-                for stage, residual in zip(self.evidence.stages, self.evidence.residuals, strict=True)
-            ]
-        return self.kept[key]
-
-    def change(self, stage: Stage, fit: Fit | None, beside: Fit | None = None) -> Floats:
-        """Return what the effects of a fit change in a session beside others, shape (samples, rows)."""
-        exact = fit is not None and fit.exact
-        return stage.change(placed_in(stage, fit), exact=exact, beside=placed_in(stage, beside))
-
-    def problem(self, fit: Fit | None = None) -> MarginalisedProblem:
-        """Prepare nonlinear fits, to what a fit leaves, on the searched stretches of the recordings."""
-        weighted = []
-        residuals = self.residuals(fit)
-        for number, stage in enumerate(self.evidence.stages):
-            session = stage.session
-            if session.nominal or session.heldout.all():
-                continue
-            residual = residuals[number]
-            used = np.isfinite(residual) & ~session.heldout[:, None]
-            weight = used / self.evidence.scale(self.weights, number)
-            columns = self.evidence.columns[number]
-            if fit is not None:
-                columns = np.concatenate([columns, self.slopes(stage, fit).astype(np.float32)], axis=-1)
-            common = columns[used] * weight[used][:, None].astype(np.float32)
-            scaled = np.nan_to_num(residual) * weight
-            weighted.append(RecordingResidual(stage, scaled, weight, common, placed_in(stage, fit)))
-        return MarginalisedProblem(tuple(weighted), self.folds_beside(fit).whole)
+    def problem(self) -> MarginalisedProblem:
+        """Prepare nonlinear fits of all effects together."""
+        return self.left(None).problem()
 
     def finalists(
         self, problem: MarginalisedProblem, fit: Fit | None, ranked: Sequence[tuple[int, float, Floats]]
@@ -494,7 +405,7 @@ class Search:
             session = stage.session
             if not session.nominal:
                 used = np.isfinite(self.evidence.residuals[number]) & ~session.reported[:, None]
-                change = self.change(stage, candidate.fit, fit) / self.evidence.scale(self.weights, number)
+                change = change_by(stage, candidate.fit, fit) / self.evidence.scale(self.weights, number)
                 squares = np.sum(np.where(used, np.nan_to_num(change), 0.0) ** 2, axis=1)
                 yield session.clock, squares, self._samples_near_one_pose[number]
 
@@ -511,8 +422,8 @@ class Search:
         """Return how well folds of the searched stretches are predicted with a candidate and without."""
         key = (_key(candidate.fit), _key(fit))
         if key not in self.predictions:
-            folds = self.folds_beside(fit)
-            new = self.new_columns_beside(self.changes(candidate, fit), fit)
+            left = self.left_free(fit)
+            folds, new = left.folds, left.new_columns(self.changes(candidate, fit))
             prior, wanted = NOTHING, None
             if self.has_background(candidate):
                 prior, wanted = self.background(candidate, added(new), folds.whole.data)
@@ -521,7 +432,7 @@ class Search:
             fraction = self.weights.effective_sample_fraction
             changed = [fraction * sum(float(new[k].matrix[0, 0]) for k in fold) for fold in folds.numbers]
             beside = prior.augment(0.0, ANY_SIZE)
-            before = Marginal.cost_of(prior, shown.whole.selected(range(len(prior.mean))), 1.0)
+            before = cost_of(prior, shown.whole.selected(range(len(prior.mean))), 1.0)
             costs = fold_costs(shown, prior, np.array(changed))
             # Without nominal recordings a calibration can follow almost anything: only prediction decides.
             if self.evidence.has_nominal:
@@ -531,35 +442,13 @@ class Search:
             self.predictions[key] = replace(
                 costs,
                 frequency_gain=self.frequency_gain(candidate, fit),
-                changed_gain=before - Marginal.cost_of(beside, shown.whole, 1.0),
+                changed_gain=before - cost_of(beside, shown.whole, 1.0),
             )
         return self.predictions[key]
 
-    def folds(self, fit: Fit | None) -> Folds:
-        """Return the folds of the searched stretches, of what a fit leaves."""
-        key = _key(fit)
-        if key not in self.folded:
-            parts = self.searched(fit)
-            if fit is None:
-                fraction = self.weights.effective_sample_fraction
-                self.folded[key] = Folds.of(parts, self.prior, fraction)
-            else:
-                self.folded[key] = self.folds(None).renewed(parts)
-        return self.folded[key]
-
-    def folds_beside(self, fit: Fit | None) -> Folds:
-        """Return those with columns for the sizes of accepted effects; see ``searched_beside``."""
-        if fit is None:
-            return self.folds(None)
-        key = ("beside", *_key(fit))
-        if key not in self.folded:
-            fraction = self.weights.effective_sample_fraction
-            self.folded[key] = Folds.of(self.searched_beside(fit), self.prior_beside(fit), fraction)
-        return self.folded[key]
-
     def changes(self, candidate: Candidate, beside: Fit | None = None) -> Callable[[Stage], Floats]:
         """Return what gives the change by a candidate in a session beside a fit, shape (samples, rows, 1)."""
-        return lambda stage: self.change(stage, candidate.fit, beside)[..., None]
+        return lambda stage: change_by(stage, candidate.fit, beside)[..., None]
 
     def has_background(self, candidate: Candidate) -> bool:
         """Return whether nominal recordings may have a little of a candidate."""
@@ -569,21 +458,6 @@ class Search:
     def usual(self) -> Marginaliser:
         """The nominal recordings."""
         return usual_recordings(self.evidence, self.weights)
-
-    def new_columns(self, more: Callable[[Stage], Floats], fit: Fit | None = None) -> list[NewColumns]:
-        """Return the products of new columns in the searched stretches, of what a fit leaves."""
-        return self.evidence.with_columns(self.weights, more, self.searched(fit), self.residuals(fit))
-
-    def new_columns_beside(self, more: Callable[[Stage], Floats], fit: Fit | None) -> list[NewColumns]:
-        """Return those beside the columns of ``searched_beside``."""
-        if fit is None:
-            return self.new_columns(more)
-
-        def both(stage: Stage) -> Floats:
-            return np.concatenate([self.slopes(stage, fit), more(stage)], axis=-1)
-
-        count = sum(len(theta) for theta in fit.thetas)
-        return [new.beside_first(count) for new in self.new_columns(both, fit)]
 
     def nominal_columns(self, more: Callable[[Stage], Floats]) -> list[NewColumns]:
         """Return the products of new columns in the nominal recordings."""
@@ -651,21 +525,22 @@ class Search:
         chosen = list(accepted)
         for number, one in enumerate(accepted[:-1]):
             others = [k for k in range(len(chosen)) if k != number]
-            left = self.refit(fit.selected(others))
+            rest = self.refit(fit.selected(others))
+            left = self.left_free(rest)
             taken = frozenset(chosen[k].candidate.number for k in others)
             rivals = [rival for rival in one.field if rival.number not in taken][:RESOLVED]
             ranked = [(rival.number, rival.delta_bic, rival.fit.thetas[-1]) for rival in rivals]
-            problem = self.problem(left)
+            problem = left.problem()
             if is_moved(fit, number, one.candidate.fit):
                 known = {rival.number for rival in rivals}
-                screened = self.at_size(screen(self.evidence, self.marginal(left), taken | refused), problem)
+                screened = self.at_size(screen(self.evidence, left.marginal, taken | refused), problem)
                 likely = [entry for entry in screened if entry[1] > WORTH * screened[0][1]]
                 ranked += [entry for entry in likely if entry[0] not in known][:RESOLVED]
             found, _ = self.best(
-                self.finalists(problem, left, ranked), left, null, [chosen[k] for k in others]
+                self.finalists(problem, rest, ranked), rest, null, [chosen[k] for k in others]
             )
             if found is not None and found.candidate.number != one.candidate.number:
-                again = self.refit(left.inserted(found.candidate.fit, number))
+                again = self.refit(rest.inserted(found.candidate.fit, number))
                 if self.worth(again) > self.worth(fit):
                     chosen[number], fit = found, again
         return chosen, fit
@@ -755,11 +630,6 @@ def at_typical_sizes(parameters: Sequence[ParameterSpec], theta: Floats) -> list
     low, high = (np.array([getattr(one, bound) for one in parameters]) for bound in ("lower", "upper"))
     tried = (np.where(amplitudes, size * typical, theta) for size in SIZES)
     return [one for one in tried if ((low <= one) & (one <= high)).all()]
-
-
-def placed_in(stage: Stage, fit: Fit | None) -> tuple[PlacedEffect, ...]:
-    """Return the effects of a fit that act in a session."""
-    return () if fit is None else placed_effects(stage, fit.hypotheses, fit.thetas)
 
 
 def _key(fit: Fit | None) -> tuple[object, ...]:

@@ -8,8 +8,7 @@ import numpy as np
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.candidates import Accepted, Candidate, ChosenEffects, includes
 from softarm.estimator.diagnosis.choose import Search
-from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.folds import Marginaliser
+from softarm.estimator.diagnosis.fit import Fit, change_by
 from softarm.estimator.diagnosis.gaussian import Factor
 from softarm.estimator.diagnosis.innovations import (
     Residuals,
@@ -21,6 +20,7 @@ from softarm.estimator.diagnosis.innovations import (
 )
 from softarm.estimator.diagnosis.judge import bootstrap
 from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.marginal import Marginaliser
 from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, added, total
 from softarm.estimator.diagnosis.probability import (
     CREDIBLE,
@@ -118,10 +118,10 @@ def error_over_expected(search: Search, fit: Fit | None) -> float:
     far is no sign that something is missing. By Woodbury's identity e^T S^-1 e = e^T N^-1 e - v^T (P^-1 + C^T
     N^-1 C)^-1 v, with v = C^T N^-1 e.
     """
-    learnt = search.folds(fit).whole
+    learnt = search.left(fit).folds.whole
     known = learnt.fraction * learnt.data.matrix + learnt.prior.precision
     cross, squares, count = np.zeros(len(learnt.mean)), 0.0, 0
-    for number, residual in enumerate(search.residuals(fit)):
+    for number, residual in enumerate(search.left(fit).residuals):
         stage, columns = search.evidence.stages[number], search.evidence.columns[number]
         unseen = (stage.session.heldout & ~stage.session.reported)[:, None] & np.isfinite(residual)
         if stage.session.nominal or not unseen.any():
@@ -146,7 +146,7 @@ def _squares(search: Search, fit: Fit | None, common: Floats) -> tuple[Floats, F
     """Return the squares over the noise, and their number, of each reported stretch."""
     squares: list[float] = []
     counts: list[float] = []
-    for number, residual in enumerate(search.residuals(fit)):
+    for number, residual in enumerate(search.left(fit).residuals):
         stage = search.evidence.stages[number]
         session = stage.session
         unseen = session.reported
@@ -217,7 +217,7 @@ def gain_of_all(search: Search, choice: ChosenEffects) -> float:
     fit = choice.fit
     if fit is None:
         return 0.0
-    before, after = _confirming(search.parts(None)), _confirming(search.parts(fit))
+    before, after = _confirming(search.left(None).parts), _confirming(search.left(fit).parts)
     confirmed = _gain(search, before, after, range(len(after))) if after else 0.0
     return search.worth(fit) + confirmed
 
@@ -242,13 +242,13 @@ def unproven(search: Search, choice: ChosenEffects, sure: float = SURE) -> list[
     fit = choice.fit
     if fit is None:
         return []
-    after = _confirming(search.parts(fit))
+    after = _confirming(search.left(fit).parts)
     if not after:
         return []
     together = _marginaliser(search, after)
 
     def disproved(others: Fit | None) -> bool:
-        before, changes = _confirming(search.parts(others)), confirming_changes(search, fit, others)
+        before, changes = _confirming(search.left(others).parts), confirming_changes(search, fit, others)
         gain = together.renewed(before).cost - together.cost
         # Less than the sum over the stretches: the common coefficients learn from all of them.
         expected = expected_gain(together, added(changes))
@@ -279,11 +279,11 @@ def confirming_changes(search: Search, fit: Fit, rest: Fit | None) -> list[NewCo
     """
 
     def change(stage: Stage) -> Floats:
-        more: Floats = search.change(stage, fit) - search.change(stage, rest)
+        more: Floats = change_by(stage, fit) - change_by(stage, rest)
         return more[..., None]
 
-    parts = _confirming(search.parts(fit))
-    return search.evidence.with_columns(search.weights, change, parts, search.residuals(fit))
+    parts = _confirming(search.left(fit).parts)
+    return search.evidence.with_columns(search.weights, change, parts, search.left(fit).residuals)
 
 
 def expected_gain(seen: Marginaliser, change: NewColumns) -> float:
@@ -608,8 +608,8 @@ def _exposure(search: Search, choice: ChosenEffects, index: int) -> Exposure | N
     fit = choice.fit
     assert fit is not None
     others = [k for k in range(len(fit.hypotheses)) if k != index]
-    before = search.residuals(search.subset(fit, others))
-    after = search.residuals(fit)
+    before = search.left(search.subset(fit, others)).residuals
+    after = search.left(fit).residuals
     best: tuple[float, int, int] | None = None
     for number, stage in enumerate(search.evidence.stages):
         if stage.session.nominal:

@@ -35,7 +35,7 @@ def detection_limits(search: Search) -> tuple[DetectionLimit, ...]:
         Those that have a limit within the bounds of their parameter.
     """
     evidence, library = search.evidence, search.evidence.library
-    marginal = search.marginal(None)
+    marginal = search.left(None).marginal
     # A generator of its own: the limits must not change what is drawn after them.
     null = null_scores(evidence, marginal, np.random.default_rng(0))
     chance = float(np.quantile(null, 1.0 - FALSE_ALARM))

@@ -440,7 +440,7 @@ def _notes(search: Search, choice: ChosenEffects) -> list[str]:
         "No nominal recording was given: what any arm may have of itself is no finding, and what the model "
         "has always got wrong of this arm cannot be distinguished from a change of it."
     ]
-    gains = usual_gains(search.evidence, search.marginal(choice.fit))
+    gains = usual_gains(search.evidence, search.left_free(choice.fit).marginal)
     usual = sorted((name for name in gains if gains[name] > CHANGED), key=lambda name: -gains[name])
     if usual:
         notes.append(f"These recordings show such a share of {', '.join(map(plain, usual))}.")
@@ -535,14 +535,13 @@ def _remainder(search: Search, choice: ChosenEffects) -> float:
     a mismatch is usual.
     """
     evidence, weights = search.evidence, search.weights
-    remaining = evidence.leftover(weights, search.residuals(choice.fit), nominal=False)
+    remaining = evidence.leftover(weights, search.left(choice.fit).residuals, nominal=False)
     known = evidence.leftover(weights, evidence.residuals, nominal=True)
     return remaining / known if known > 0.0 else max(remaining, error_over_expected(search, choice.fit))
 
 
 def _map(search: Search, choice: ChosenEffects | None) -> LocationMap:
-    residuals = search.residuals(choice.fit if choice else None)
-    return locate(search.evidence, residuals, search.weights, search.prior, search.rng)
+    return locate(search.left(choice.fit if choice else None), search.rng)
 
 
 def _changed(search: Search, choice: ChosenEffects) -> bool:
@@ -550,7 +549,7 @@ def _changed(search: Search, choice: ChosenEffects) -> bool:
     evidence, fraction = search.evidence, search.weights.effective_sample_fraction
     if not evidence.has_nominal:
         return False
-    parts = [part for part in search.parts(choice.fit) if not part.reported]
+    parts = [part for part in search.left(choice.fit).parts if not part.reported]
     return evidence_of_change(evidence, search.prior, search.width, parts, fraction) > CHANGED
 
 
@@ -575,7 +574,7 @@ def _not_testable(search: Search, findings: Sequence[Finding]) -> tuple[NotTesta
     limits = _common_world(search.evidence.stages).world.pressure_limits
     there = excitation(suspects, limits)
     gains: dict[EffectName, float] = {effect.name: 0.0 for effect in EFFECTS.values()}
-    data = total(search.searched(None), search.evidence.size)
+    data = total(search.left(None).searched, search.evidence.size)
     for column, direction in enumerate(search.evidence.library.directions):
         name = search.evidence.library.hypotheses[direction.hypothesis].name
         number = search.evidence.nuisances + column

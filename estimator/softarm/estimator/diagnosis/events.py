@@ -12,7 +12,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Flags, Floats
 from softarm.estimator.diagnosis.choose import Search
-from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.fit import Fit, change_by
 from softarm.estimator.diagnosis.innovations import assumed_std, learnt_coefficients
 from softarm.estimator.diagnosis.law_error import SHARE
 from softarm.estimator.diagnosis.stage import UNSTABLE, Stage
@@ -90,10 +90,10 @@ def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
         readings = stage.session.event_readings
         if readings is None or stage.session.nominal:
             continue
-        change = search.change(stage, fit)
+        change = change_by(stage, fit)
         stable = stage.compliance < UNSTABLE
         errors = stage.innovation(readings) - change - columns @ learnt
-        allowed = TWO_SIDED * np.hypot(assumed_std(search, stage), law_errors(search, stage, fit, change))
+        allowed = TWO_SIDED * np.hypot(assumed_std(search, stage), law_errors(stage, fit, change))
         found.append(
             EventErrors(
                 stage.session.name,
@@ -108,7 +108,7 @@ def event_errors(search: Search, fit: Fit | None) -> tuple[EventErrors, ...]:
     return tuple(found)
 
 
-def law_errors(search: Search, stage: Stage, fit: Fit | None, change: Floats) -> Floats:
+def law_errors(stage: Stage, fit: Fit | None, change: Floats) -> Floats:
     """Return by how far findings change a stage otherwise if their laws are wrong by their usual share.
 
     That is ``SHARE`` of what they change, and more where the arm yields far more to a little more of them.
@@ -126,7 +126,7 @@ def law_errors(search: Search, stage: Stage, fit: Fit | None, change: Floats) ->
     if fit is None:
         return errors
     for factor in (1.0 - SHARE, 1.0 + SHARE):
-        other = search.change(stage, fit.with_amplitudes(factor))
+        other = change_by(stage, fit.with_amplitudes(factor))
         errors = np.fmax(errors, change_of_sensors(other - change, stage.suite))
     return errors
 

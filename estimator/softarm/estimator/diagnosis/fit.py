@@ -9,9 +9,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Flags, Floats, Indices
-from softarm.estimator.diagnosis.folds import Marginaliser
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.marginal import Marginaliser
 from softarm.estimator.diagnosis.normal_equations import NewColumns, Total
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.effects import ParameterSpec
@@ -340,6 +340,17 @@ def placed_effects(
         for hypothesis, theta in zip(hypotheses, thetas, strict=True)
         if hypothesis.place.sensor in (None, *world.sensors)
     )
+
+
+def placed_in(stage: Stage, fit: Fit | None) -> tuple[PlacedEffect, ...]:
+    """Return the effects of a fit that act in a session."""
+    return () if fit is None else placed_effects(stage, fit.hypotheses, fit.thetas)
+
+
+def change_by(stage: Stage, fit: Fit | None, beside: Fit | None = None) -> Floats:
+    """Return what the effects of a fit change in a session beside others, shape (samples, rows)."""
+    exact = fit is not None and fit.exact
+    return stage.change(placed_in(stage, fit), exact=exact, beside=placed_in(stage, beside))
 
 
 def gain_of(

@@ -1,112 +1,18 @@
-"""Folds of the searched stretches, with all that is common to the recordings marginalised.
-
-Whatever is tried beside the hundreds of common columns C is a few new columns X. With
-A = f C^T W C + P, factorised once for all that is tried, H = f C^T W X, and m, P the prior of the common
-coefficients, their normal equations are
-
-    f X^T W X - H^T A^-1 H   and   f X^T W (r - C m) - H^T A^-1 f C^T W (r - C m).
-"""
+"""Folds of the searched stretches, with all that is common to the recordings marginalised."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.gaussian import Factor, Gaussian
+from softarm.estimator.diagnosis.gaussian import Gaussian
+from softarm.estimator.diagnosis.marginal import Combinations, Marginaliser
 from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, added, total
 
 Fold = tuple[Total, Total]
 """Normal equations of new columns in a fold, and in all others."""
-
-
-@dataclass(frozen=True)
-class Combinations:
-    """Combinations X N + C K of new columns X and the common ones.
-
-    Args:
-        new: N, shape (new, combinations).
-        common: K, shape (columns, combinations).
-    """
-
-    new: Floats
-    common: Floats
-
-
-@dataclass(frozen=True)
-class Marginaliser:
-    """Some stretches, ready to marginalise the common coefficients beside new columns.
-
-    Args:
-        data: Sum of their normal equations.
-        prior: Of the common coefficients.
-        fraction: Effective sample fraction: independent samples over samples.
-        factor: Of A.
-    """
-
-    data: Total
-    prior: Gaussian
-    fraction: float
-    factor: Factor
-
-    @classmethod
-    def of(cls, data: Total, prior: Gaussian, fraction: float) -> "Marginaliser":
-        """Factorise A."""
-        return cls(data, prior, fraction, Factor.of(fraction * data.matrix + prior.precision))
-
-    def renewed(self, parts: Sequence[NormalEquations]) -> "Marginaliser":
-        """Return that of the same stretches with another residual."""
-        vector = np.sum([part.vector for part in parts], axis=0)
-        sum_of_squares = sum(part.sum_of_squares for part in parts)
-        return replace(self, data=replace(self.data, vector=vector, sum_of_squares=sum_of_squares))
-
-    @cached_property
-    def right(self) -> Floats:
-        """Products of the columns with what the prior mean leaves, f C^T W (r - C m), shape (columns,)."""
-        right: Floats = self.fraction * (self.data.vector - self.data.matrix @ self.prior.mean)
-        return right
-
-    @cached_property
-    def mean(self) -> Floats:
-        """Most probable common coefficients without new columns, shape (columns,)."""
-        return self.prior.mean + self.factor.solve(self.right)
-
-    @cached_property
-    def cost(self) -> float:
-        """Weighted squares that remain without new columns, the prior's included."""
-        mean = self.prior.mean
-        squares = self.data.sum_of_squares - mean @ (self.data.vector + self.right / self.fraction)
-        return float(self.fraction * squares - self.right @ self.factor.solve(self.right))
-
-    def squares(self, new: NewColumns, common: Floats, sizes: Floats) -> float:
-        """Return the weighted squares that common coefficients and those of new columns leave."""
-        new_squares = sizes @ (new.matrix @ sizes + 2.0 * (common @ new.cross - new.vector))
-        return self.common_squares(common) + self.fraction * float(new_squares)
-
-    def common_squares(self, common: Floats) -> float:
-        """Return the weighted squares that common coefficients leave without new columns."""
-        data = self.data
-        squares = data.sum_of_squares + common @ (data.matrix @ common - 2.0 * data.vector)
-        return self.fraction * float(squares)
-
-    def combined(self, new: NewColumns, wanted: Combinations) -> NewColumns:
-        """Return the products of combinations of new columns and the common ones."""
-        common = self.data.matrix @ wanted.common
-        mixed = wanted.new.T @ (new.cross.T @ wanted.common)
-        return NewColumns(
-            new.cross @ wanted.new + common,
-            wanted.new.T @ new.matrix @ wanted.new + mixed + mixed.T + wanted.common.T @ common,
-            wanted.new.T @ new.vector + wanted.common.T @ self.data.vector,
-        )
-
-    def marginal(self, new: NewColumns) -> Total:
-        """Return the normal equations of new columns, of effective samples."""
-        cross = self.fraction * new.cross
-        solved = self.factor.solve(cross)
-        matrix = self.fraction * new.matrix - cross.T @ solved
-        vector = self.fraction * new.vector - cross.T @ self.prior.mean - solved.T @ self.right
-        return Total(self.fraction * self.data.count, 0.5 * (matrix + matrix.T), vector, self.cost)
 
 
 @dataclass(frozen=True)
@@ -142,21 +48,6 @@ class Folds:
             Marginaliser.of(whole, prior, fraction),
             tuple(Marginaliser.of(fold, prior, fraction) for fold in folds),
             tuple(Marginaliser.of(whole.less(fold), prior, fraction) for fold in folds),
-        )
-
-    def renewed(self, parts: Sequence[NormalEquations]) -> "Folds":
-        """Return those of the same stretches with another residual."""
-        return Folds(
-            self.numbers,
-            self.whole.renewed(parts),
-            tuple(
-                one.renewed([parts[k] for k in fold])
-                for one, fold in zip(self.own, self.numbers, strict=True)
-            ),
-            tuple(
-                one.renewed([part for k, part in enumerate(parts) if k not in fold])
-                for one, fold in zip(self.rest, self.numbers, strict=True)
-            ),
         )
 
     def columns(self, new: Sequence[NewColumns], wanted: Combinations | None = None) -> "FoldColumns":

@@ -18,7 +18,7 @@ Residuals = Sequence[Floats]
 
 def learnt_coefficients(search: Search, fit: Fit | None) -> Floats:
     """Return the common coefficients that the searched stretches show with some effects, shape (columns,)."""
-    return search.folds(fit).whole.mean
+    return search.left(fit).folds.whole.mean
 
 
 def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[Floats]:
@@ -29,7 +29,7 @@ def residuals_of(search: Search, fit: Fit | None, coefficients: Floats) -> list[
     """
     return [
         residual - columns @ coefficients
-        for residual, columns in zip(search.residuals(fit), search.evidence.columns, strict=True)
+        for residual, columns in zip(search.left(fit).residuals, search.evidence.columns, strict=True)
     ]
 
 
@@ -47,14 +47,14 @@ def residuals_out_of_fold(search: Search, fit: Fit | None) -> list[Floats]:
         Of each session, shape (samples, rows); of other stretches with the coefficients of all searched ones.
     """
     residuals = residuals_of(search, fit, learnt_coefficients(search, fit))
-    parts, folds = search.searched(fit), search.folds(fit)
+    parts, folds = search.left(fit).searched, search.left(fit).folds
     for numbers, rest in zip(folds.numbers, folds.rest, strict=True):
         for part in (parts[k] for k in numbers):
             stage = search.evidence.stages[part.session]
             chosen = stage.session.blocks == part.block
             columns = search.evidence.columns[part.session][chosen]
             residuals[part.session][chosen] = (
-                search.residuals(fit)[part.session][chosen] - columns @ rest.mean
+                search.left(fit).residuals[part.session][chosen] - columns @ rest.mean
             )
     return residuals
 
@@ -70,7 +70,7 @@ def residuals_as_known(search: Search, fit: Fit | None) -> list[Floats]:
     return [
         residual - columns @ (search.prior.mean if stage.session.nominal else learnt)
         for stage, residual, columns in zip(
-            evidence.stages, search.residuals(fit), evidence.columns, strict=True
+            evidence.stages, search.left(fit).residuals, evidence.columns, strict=True
         )
     ]
 

@@ -6,7 +6,8 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.folds import NewFolds
-from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
+from softarm.estimator.diagnosis.gaussian import Gaussian
+from softarm.estimator.diagnosis.marginal import cost_of
 
 CERTAIN = 40.0
 """Gain in the criterion that decides even where the gain on single folds scatters: four times the least."""
@@ -120,8 +121,8 @@ def fold_costs(shown: NewFolds, prior: Gaussian, changed: Floats) -> FoldCosts:
     for own, others in shown.folds:
         learnt = extended.posterior(others, 1.0)
         known = prior.augment(float(learnt.mean[-1]), float(learnt.covariance[-1, -1]))
-        before = Marginal.cost_of(prior, own.selected(range(size)), 1.0)
-        rows.append((before, Marginal.cost_of(known, own, 1.0), own.count))
+        before = cost_of(prior, own.selected(range(size)), 1.0)
+        rows.append((before, cost_of(known, own, 1.0), own.count))
     without, after, counts = np.array(rows, dtype=np.float64).T
     return FoldCosts(without, after, counts, changed, without - after, np.zeros_like(without))
 

@@ -13,19 +13,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from softarm.estimator.arrays import Floats
-from softarm.estimator.diagnosis.evidence import RegressionProblem
-from softarm.estimator.diagnosis.gaussian import Gaussian, Marginal
-from softarm.estimator.diagnosis.normal_equations import Total, total
+from softarm.estimator.diagnosis.marginal import null_draws
+from softarm.estimator.diagnosis.normal_equations import NewColumns, added
+from softarm.estimator.diagnosis.remainder import Remainder
 from softarm.estimator.diagnosis.result import Cell, CellKind, LocationMap, Regime
 from softarm.estimator.diagnosis.session import channels
 from softarm.estimator.diagnosis.stage import Stage
-from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.simulation import Drive
 
 Label = tuple[CellKind, str, str, str, Regime]
 """Sort of place, which one, axis, unit, and what the load or offset varies with."""
-Products = tuple[Floats, Floats, Floats]
-"""Of cells with the common columns, with one another and with the residual."""
 
 COUPLES = ("x", "y", "z", "axial")
 COUPLE_UNITS = ("N m", "N m", "N m", "N")
@@ -60,41 +57,29 @@ class Spotted:
     column: Floats
 
 
-def locate(
-    evidence: RegressionProblem,
-    residuals: Sequence[Floats],
-    weights: Weights,
-    prior: Gaussian,
-    rng: np.random.Generator,
-) -> LocationMap:
-    """Map the mismatch of the recordings in question, outside what is held out.
+def locate(left: Remainder, rng: np.random.Generator) -> LocationMap:
+    """Map the mismatch of the searched stretches.
 
     Args:
-        evidence: All recordings.
-        residuals: What is left in each of them, NaN where lost, shape (samples, rows).
-        weights: Noise model.
-        prior: Of the common coefficients, which stay free.
+        left: What accepted effects leave of the recordings in question.
         rng: Of the draws without mismatch.
     """
-    found: list[tuple[list[Label], Products]] = []
-    for number, stage in enumerate(evidence.stages):
+    found: list[tuple[list[Label], NewColumns]] = []
+    for number, stage in enumerate(left.evidence.stages):
         if not stage.session.nominal and not stage.session.heldout.all():
             names, columns = cells_of(stage)
-            found.append((names, _cross(evidence, weights, number, residuals[number], columns)))
+            found.append((names, _products(left, number, columns)))
     if not found:
         return LocationMap()
     # A recording has no cells of the sensors that only others have.
     labels = list(dict.fromkeys(name for names, _ in found for name in names))
     parts = [_placed(own, [labels.index(name) for name in names], len(labels)) for names, own in found]
-    searched = [p for p in evidence.products(weights, residuals) if not p.nominal and not p.heldout]
-    data = total(searched, evidence.size)
-    marginal = Marginal.of(*_joined(prior, data, parts), weights.effective_sample_fraction)
-    first = evidence.size
-    diagonal = np.maximum(np.diag(marginal.matrix)[first:], 1e-300)
-    values = marginal.vector[first:] / diagonal
-    gains = marginal.vector[first:] * values
-    null = (marginal.null_draws(rng, DRAWS, first) ** 2 / diagonal).max(axis=1)
-    explainable = max(marginal.cost - marginal.count, float(gains.max(initial=0.0)), 1e-9)
+    shown = left.folds.whole.marginal(added(parts))
+    diagonal = np.maximum(np.diag(shown.matrix), 1e-300)
+    values = shown.vector / diagonal
+    gains = shown.vector * values
+    null = (null_draws(shown.matrix, rng, DRAWS) ** 2 / diagonal).max(axis=1)
+    explainable = max(shown.sum_of_squares - shown.count, float(gains.max(initial=0.0)), 1e-9)
     cells = [
         Cell(
             kind,
@@ -122,46 +107,26 @@ def cells_of(stage: Stage) -> tuple[list[Label], NDArray[np.float32]]:
     return names, columns.astype(np.float32)
 
 
-def _cross(
-    evidence: RegressionProblem,
-    weights: Weights,
-    number: int,
-    residual: Floats,
-    columns: NDArray[np.float32],
-) -> Products:
-    """Multiply cells with common columns, with one another and with the residual of a session."""
-    stage = evidence.stages[number]
-    observed = np.isfinite(residual) & ~stage.session.heldout[:, None]
-    inverse = np.where(observed, 1.0 / evidence.scale(weights, number), 0.0).astype(np.float32)
+def _products(left: Remainder, number: int, columns: NDArray[np.float32]) -> NewColumns:
+    """Multiply the cells of a session, in single precision: there are hundreds."""
+    evidence, residual = left.evidence, left.residuals[number]
+    observed = np.isfinite(residual) & ~evidence.stages[number].session.heldout[:, None]
+    inverse = np.where(observed, 1.0 / evidence.scale(left.weights, number), 0.0).astype(np.float32)
     cells = (columns * inverse[..., None]).reshape(-1, columns.shape[-1])
     common = (evidence.columns[number] * inverse[..., None]).reshape(len(cells), -1)
     residuals = np.where(observed, np.nan_to_num(residual), 0.0) * inverse
-    return (
+    return NewColumns(
         np.asarray(np.dot(common.T, cells), dtype=np.float64),
         np.asarray(np.dot(cells.T, cells), dtype=np.float64),
         np.asarray(np.dot(cells.T, residuals.ravel()), dtype=np.float64),
     )
 
 
-def _placed(own: Products, places: Sequence[int], count: int) -> Products:
+def _placed(own: NewColumns, places: Sequence[int], count: int) -> NewColumns:
     """Put the products of some cells at their places among all."""
-    cross, square, pull = np.zeros((len(own[0]), count)), np.zeros((count, count)), np.zeros(count)
-    cross[:, places], square[np.ix_(places, places)], pull[places] = own
-    return cross, square, pull
-
-
-def _joined(prior: Gaussian, data: Total, parts: Sequence[Products]) -> tuple[Gaussian, Total]:
-    """Put cells beside the common columns; the prior mean of cells is zero."""
-    count = len(prior.mean)
-    cross, square, pull = (np.sum([part[k] for part in parts], axis=0) for k in range(3))
-    size = count + len(pull)
-    matrix, covariance = np.zeros((size, size)), np.zeros((size, size))
-    matrix[:count, :count], matrix[count:, count:] = data.matrix, square
-    matrix[:count, count:], matrix[count:, :count] = cross, cross.T
-    covariance[:count, :count] = prior.covariance
-    covariance[np.arange(count, size), np.arange(count, size)] = 1e-18
-    joined = Gaussian(np.append(prior.mean, np.zeros(len(pull))), covariance)
-    return joined, Total(data.count, matrix, np.append(data.vector, pull), data.sum_of_squares)
+    cross, matrix, vector = np.zeros((len(own.cross), count)), np.zeros((count, count)), np.zeros(count)
+    cross[:, places], matrix[np.ix_(places, places)], vector[places] = own.cross, own.matrix, own.vector
+    return NewColumns(cross, matrix, vector)
 
 
 def spotted(stage: Stage) -> list[Spotted]:

@@ -7,10 +7,10 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.evidence import BACKGROUND, RegressionProblem
-from softarm.estimator.diagnosis.folds import Marginaliser
-from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian, Marginal
+from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
 from softarm.estimator.diagnosis.judge import CERTAIN
 from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.marginal import Marginal, Marginaliser, cost_of
 from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquations, Total, total
 from softarm.estimator.diagnosis.screen import usual_gains
 from softarm.estimator.diagnosis.weights import Weights
@@ -59,7 +59,8 @@ def suspects(evidence: RegressionProblem, weights: Weights) -> frozenset[EffectN
     if evidence.has_nominal:
         return frozenset()
     searched = total([part for part in evidence.products(weights) if not part.heldout], evidence.size)
-    gains = usual_gains(evidence, Marginal.of(evidence.sound(), searched, weights.effective_sample_fraction))
+    seen = Marginaliser.of(searched, evidence.sound(), weights.effective_sample_fraction)
+    gains = usual_gains(evidence, Marginal.of(seen))
     return frozenset(name for name, gain in gains.items() if gain > CERTAIN)
 
 
@@ -158,7 +159,7 @@ def predictive(prior: Gaussian, seen: Total, fraction: float) -> float:
     """Return twice the logarithm of the density of what was seen under a prior, up to a constant."""
     root = np.sqrt(np.diag(prior.covariance))
     inner = np.eye(len(root)) + fraction * _sandwich(prior.covariance, seen.matrix, root)
-    return -Marginal.cost_of(prior, seen, fraction) - float(np.linalg.slogdet(inner)[1])
+    return -cost_of(prior, seen, fraction) - float(np.linalg.slogdet(inner)[1])
 
 
 def evidence_of_change(

@@ -6,8 +6,8 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.evidence import RegressionProblem
-from softarm.estimator.diagnosis.gaussian import Marginal
 from softarm.estimator.diagnosis.library import Direction
+from softarm.estimator.diagnosis.marginal import Marginal, null_draws
 from softarm.estimator.effects import ParameterSpec
 from softarm.estimator.specimen.physics import EffectName
 
@@ -63,7 +63,7 @@ def usual_gains(evidence: RegressionProblem, marginal: Marginal) -> dict[EffectN
 def null_scores(evidence: RegressionProblem, marginal: Marginal, rng: np.random.Generator) -> Floats:
     """Draw the best score of the whole screen where nothing is missing, shape (draws,)."""
     first = evidence.nuisances
-    drawn = marginal.null_draws(rng, DRAWS, first)
+    drawn = null_draws(marginal.matrix[first:, first:], rng, DRAWS)
     bic_penalty = np.log(max(marginal.count, 2.0))
     best = np.full(DRAWS, -np.inf)
     for number, _, columns in evidence.library.groups():

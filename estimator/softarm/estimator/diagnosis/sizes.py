@@ -279,7 +279,7 @@ def plainer(search: Search, choice: ChosenEffects, sizes: Fit) -> ChosenEffects 
         if index is None:
             continue
         rest = search.subset(fit, [k for k in range(len(fit.thetas)) if k != number])
-        candidate = search.candidate(index, np.array([size]), search.problem(rest), rest)
+        candidate = search.candidate(index, np.array([size]), search.left_free(rest).problem(), rest)
         if candidate is None:
             continue
         return search.exchanged(choice, number, candidate)

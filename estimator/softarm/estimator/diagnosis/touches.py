@@ -12,7 +12,7 @@ import numpy as np
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.choose import Search
-from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.fit import Fit, change_by
 from softarm.estimator.diagnosis.innovations import residuals_as_known
 from softarm.estimator.diagnosis.session import Session
 from softarm.estimator.diagnosis.stage import Stage
@@ -54,11 +54,11 @@ def find_touches(search: Search, fit: Fit | None, specimen: Specimen) -> tuple[D
     return tuple(
         touch
         for stage, residual in zip(search.evidence.stages, residuals_as_known(search, fit), strict=True)
-        for touch in touches_of(stage, out_of_reach(search, stage, fit, residual), specimen)
+        for touch in touches_of(stage, out_of_reach(stage, fit, residual), specimen)
     )
 
 
-def out_of_reach(search: Search, stage: Stage, fit: Fit | None, residual: Floats) -> Floats:
+def out_of_reach(stage: Stage, fit: Fit | None, residual: Floats) -> Floats:
     """Return a residual without the samples at which walls and cords that were found act on the arm.
 
     What the model gets wrong of them comes and goes as a hand does. Nominal recordings have none of them.
@@ -66,16 +66,16 @@ def out_of_reach(search: Search, stage: Stage, fit: Fit | None, residual: Floats
     if stage.session.nominal:
         return residual
     least = np.array([LEAST[unit] for unit in stage.suite.units])
-    reached = np.any(contact_change(search, stage, fit) > least, axis=1)
+    reached = np.any(contact_change(stage, fit) > least, axis=1)
     return np.where(reached.reshape(-1, 1), np.nan, residual)
 
 
-def contact_change(search: Search, stage: Stage, fit: Fit | None) -> Floats:
+def contact_change(stage: Stage, fit: Fit | None) -> Floats:
     """Return by how much walls and cords that were found change the predictions, shape (samples, rows)."""
     acting = [k for k, h in enumerate(fit.hypotheses) if h.effect.responds_to_own_effect] if fit else []
     if fit is None or not acting:
         return np.zeros(stage.residual.shape)
-    return np.abs(search.change(stage, fit.selected(acting)))
+    return np.abs(change_by(stage, fit.selected(acting)))
 
 
 def touches_of(stage: Stage, residual: Floats, specimen: Specimen) -> tuple[Disturbance, ...]:

@@ -32,11 +32,12 @@ from scipy.spatial.distance import cdist
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.candidates import alike_within
 from softarm.estimator.diagnosis.choose import Search
-from softarm.estimator.diagnosis.fit import Fit
-from softarm.estimator.diagnosis.folds import Combinations, NewFolds
+from softarm.estimator.diagnosis.fit import Fit, change_by
+from softarm.estimator.diagnosis.folds import NewFolds
 from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
 from softarm.estimator.diagnosis.judge import ANY_SIZE, CERTAIN
 from softarm.estimator.diagnosis.library import Hypothesis
+from softarm.estimator.diagnosis.marginal import Combinations
 from softarm.estimator.diagnosis.nominal import background_of, changed_prior, predictive
 from softarm.estimator.diagnosis.normal_equations import NewColumns, Total, added
 from softarm.estimator.diagnosis.probability import density, pseudo_bma
@@ -274,7 +275,7 @@ def unnamed_probability(search: Search, changed: float, disproved: Collection[in
         if len(key) == 1 and key[0] not in disproved and one is not None and not one.fit.at_bound
     ]
     law = likeliest_law(search, smooth=False)[0]
-    folds, fraction = search.folds(None), search.weights.effective_sample_fraction
+    folds, fraction = search.left(None).folds, search.weights.effective_sample_fraction
     plain = NewFolds(
         folds.whole.data,
         tuple((own.data, rest.data) for own, rest in zip(folds.own, folds.rest, strict=True)),
@@ -322,7 +323,7 @@ def likeliest_law(search: Search, *, smooth: bool, stated: Sequence[Place] = ())
 
 def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:
     """Return what the searched stretches show of a law, for each size that is tried."""
-    new = search.new_columns(law.columns)
+    new = search.left(None).new_columns(law.columns)
     count, columns = len(new[0].vector), search.evidence.size
     if not (law.compared and search.evidence.has_nominal):
         wanted = Combinations(np.eye(count), np.zeros((columns, count)))
@@ -345,17 +346,17 @@ def _with_effects(search: Search, shown: LawEvidence, fit: Fit) -> NewFolds:
     """Return a law's evidence with what effects change as one more column."""
 
     def columns(stage: Stage) -> Floats:
-        return np.append(shown.law.columns(stage), search.change(stage, fit)[..., None], axis=-1)
+        return np.append(shown.law.columns(stage), change_by(stage, fit)[..., None], axis=-1)
 
     wanted = Combinations(
         block_diag(shown.wanted.new, np.ones((1, 1))), np.pad(shown.wanted.common, ((0, 0), (0, 1)))
     )
-    return _marginal(search, search.new_columns(columns), wanted)
+    return _marginal(search, search.left(None).new_columns(columns), wanted)
 
 
 def _marginal(search: Search, new: Sequence[NewColumns], wanted: Combinations | None = None) -> NewFolds:
     """Return the normal equations of new columns in the searched stretches; see ``Folds.columns``."""
-    folds = search.folds(None)
+    folds = search.left(None).folds
     return folds.marginal(folds.columns(new, wanted))
 
 
