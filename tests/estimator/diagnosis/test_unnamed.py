@@ -57,20 +57,34 @@ def test_a_law_that_states_what_a_name_does_takes_its_place_nowhere(size: float)
     assert unnamed_law(search, stiffness.fit).probability < 0.05
 
 
-def test_where_every_law_is_stated_none_competes(monkeypatch: pytest.MonkeyPatch):
-    """A passive beam has laws of its bend alone, which an accepted law of bend states."""
-    name, lower = "material_softening", Place(segment="lower")
-    search = searching((), LAW, name)
+STIFFENING = (("material_stiffening", Place(segment="lower"), (0.3,)),)
+
+
+@pytest.mark.parametrize(
+    ("name", "concealed", "unknown"),
+    [
+        ("material_stiffening", STIFFENING, False),
+        ("material_stiffening", LAW, False),
+        ("material_softening", LAW, True),
+    ],
+)
+def test_a_free_form_of_what_a_name_states_must_gain_much_more(
+    monkeypatch: pytest.MonkeyPatch, name: EffectName, concealed: Concealed, *, unknown: bool
+):
+    """The hinges of a bend follow any law of it, also what the form of a right one gets wrong of the arm.
+
+    What locks stiffens, and softens nowhere. A passive beam has no laws but those of its bends.
+    """
+    lower = Place(segment="lower")
+    search = searching((), concealed, name)
     own = [h.place for h in search.evidence.library.hypotheses].index(lower)
-    effect = search.evidence.library.hypotheses[own].effect
-    softening = search.candidate(
-        own, np.array([p.typical for p in effect.parameters]), search.problem(), None
-    )
-    assert softening is not None
-    of_bend = [law for law in unnamed.laws(search, smooth=False) if law.regime == unnamed.BEND]
-    monkeypatch.setattr(unnamed, "laws", lambda *_, **__: [law for law in of_bend if law.place == lower])
-    law = unnamed_law(search, softening.fit)
-    assert (law.probability, law.outdoes) == (0.0, False)
+    typical = np.array(search.evidence.library.hypotheses[own].effect.typical)
+    material = search.candidate(own, typical, search.problem(), None)
+    assert material is not None
+    every = unnamed.laws(search, smooth=True)
+    for listed in (every, [law for law in every if unnamed.is_freer_form(law, material.fit)]):
+        monkeypatch.setattr(unnamed, "laws", lambda *_, listed=listed, **__: listed)
+        assert unnamed_law(search, material.fit).outdoes is unknown
 
 
 def test_the_names_that_a_law_outdoes_are_listed_once() -> None:

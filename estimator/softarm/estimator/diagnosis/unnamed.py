@@ -11,7 +11,9 @@ Both together explain more than either, for no law and no effect is exact. So wh
 all that they explain, b, only one of them does: the effects b - l, where l is what the law explains alone,
 and the law b - e. A law bends to whatever the model of an arm gets wrong as well, so it takes the place of
 names only where its own part is twice theirs: l > (e + b) / 2, and by more than counts as alike, since names
-are plainer. Then what was left out is not in the library, and the nearest name would be wrong. A name is
+are plainer. A law that states what an effect does in a free form contains it, so that b is l. What a strong
+effect's own form leaves is no second effect below ``SECOND`` of its gain; so much more a free form must gain.
+Then what was left out is not in the library, and the nearest name would be wrong. A name is
 right only if the library contains what acts: its probability is that of its rivals in the library times that
 no law without a name acts instead (Bernardo and Smith, Bayesian Theory (1994), section 6.1, on sets of models
 that may be incomplete).
@@ -31,7 +33,7 @@ from scipy.spatial.distance import cdist
 
 from softarm.estimator.arrays import Floats
 from softarm.estimator.diagnosis.candidates import alike_within
-from softarm.estimator.diagnosis.choose import Search
+from softarm.estimator.diagnosis.choose import SECOND, Search
 from softarm.estimator.diagnosis.fit import Fit, change_by
 from softarm.estimator.diagnosis.folds import NewFolds
 from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
@@ -60,8 +62,8 @@ SHARES = (0.03, 0.1, 0.3, 1.0)
 KNOTS = np.array([0.0, 0.15, 0.3, 0.45, 0.6, 0.75])
 """Where hinges are, as shares of the largest bend or pressure."""
 LAWS_OF_BEND: frozenset[EffectName] = frozenset({"material_softening", "material_stiffening"})
-"""Effects that state how a segment's stiffness changes with its bend. The hinges of that bend state the same,
-in a free form: they are no rival of such an effect in its own segment."""
+"""Effects that state how a segment's stiffness changes with its bend. The hinges of that bend state the same
+in a free form, which follows what the effect's own form gets wrong of the arm."""
 BEND = "pose"
 """What hinges of a segment's bend vary with."""
 LIKELIER = 0.5
@@ -232,12 +234,24 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         search: The search.
         fit: The accepted effects together; ``None`` where there are none.
     """
-    stated = () if fit is None else tuple(h.place for h in fit.hypotheses if h.name in LAWS_OF_BEND)
-    smooth = search.evidence.has_nominal and fit is not None
-    nearest = () if fit is None else tuple(fit.hypotheses)
-    of_each_size = likeliest_law(search, smooth=smooth, stated=stated)
-    if not of_each_size:
-        return UnnamedLaw(0.0, 0.0, 0.0, nearest, Place(), "")
+    listed = laws(search, smooth=search.evidence.has_nominal and fit is not None)
+    if fit is None:
+        return _competing(search, likeliest_law(search, listed), None)
+    others = [law for law in listed if not is_freer_form(law, fit)]
+    freer = [law for law in listed if is_freer_form(law, fit)]
+    rivals = [UnnamedLaw(0.0, 0.0, 0.0, tuple(fit.hypotheses), Place(), "")]
+    rivals += [_competing(search, likeliest_law(search, some), fit) for some in (others, freer) if some]
+    return max(rivals, key=lambda one: one.probability)
+
+
+def is_freer_form(law: Law, fit: Fit) -> bool:
+    """Return whether a law states what an accepted effect does, in a free form."""
+    stated = {h.place for h in fit.hypotheses if h.name in LAWS_OF_BEND}
+    return law.regime == BEND and bool(stated & {Place(), law.place})
+
+
+def _competing(search: Search, of_each_size: Sequence[LawEvidence], fit: Fit | None) -> UnnamedLaw:
+    """Let a law, its likeliest size first, compete with accepted effects, and with nothing."""
     shown = of_each_size[0]
     law = shown.law
     nothing = _log_densities(shown.without(), shown.known, shown.known)
@@ -248,13 +262,17 @@ def unnamed_law(search: Search, fit: Fit | None) -> UnnamedLaw:
         joint = _with_effects(search, shown, fit)
         named = joint.selected([*range(len(shown.known.mean)), len(shown.changed.mean)])
         effects = _log_densities(named, shown.known, shown.known.augment(0.0, ANY_SIZE)) - price - nothing
-        # Beside effects a law may be smaller: what they get wrong, and not all that has changed.
-        beside = max(of_each_size, key=lambda one: predictive(_of_any_size(one), joint.whole, 1.0))
-        both = _log_densities(joint, beside.known, _of_any_size(beside)) - price - nothing
         named_gain = 2.0 * float(effects.sum())
-        plainer = 0.5 * alike_within(gain) / len(nothing)
-        densities.append(OWN_PART * effects + (1.0 - OWN_PART) * both + plainer)
+        if is_freer_form(law, fit):
+            names = (1.0 + SECOND) * effects
+        else:
+            # Beside effects a law may be smaller: what they get wrong, and not all that has changed.
+            beside = max(of_each_size, key=lambda one: predictive(_of_any_size(one), joint.whole, 1.0))
+            both = _log_densities(joint, beside.known, _of_any_size(beside)) - price - nothing
+            names = OWN_PART * effects + (1.0 - OWN_PART) * both
+        densities.append(names + 0.5 * alike_within(gain) / len(nothing))
     probability = min(float(pseudo_bma(np.column_stack(densities), search.rng)[0]), 1.0)
+    nearest = () if fit is None else tuple(fit.hypotheses)
     return UnnamedLaw(gain, named_gain, probability, nearest, law.place, law.regime)
 
 
@@ -274,7 +292,7 @@ def unnamed_probability(search: Search, changed: float, disproved: Collection[in
         for key, one in search.tried.items()
         if len(key) == 1 and key[0] not in disproved and one is not None and not one.fit.at_bound
     ]
-    law = likeliest_law(search, smooth=False)[0]
+    law = likeliest_law(search, laws(search, smooth=False))[0]
     folds, fraction = search.left(None).folds, search.weights.effective_sample_fraction
     plain = NewFolds(
         folds.whole.data,
@@ -297,28 +315,14 @@ def _of_any_size(shown: LawEvidence) -> Gaussian:
     return shown.changed.augment(0.0, ANY_SIZE)
 
 
-def likeliest_law(search: Search, *, smooth: bool, stated: Sequence[Place] = ()) -> list[LawEvidence]:
-    """Return the law under which the recordings in question are likeliest, at its likeliest size first.
-
-    Args:
-        search: The search.
-        smooth: Whether it may be any smooth law. What a model gets wrong of an arm that is well is one too:
-            alone, or where no nominal recording shows that arm, it is no sign that something is missing.
-        stated: Places of accepted effects of ``LAWS_OF_BEND``.
-
-    Returns:
-        The law with each of its sizes; empty where every law is stated.
-    """
+def likeliest_law(search: Search, listed: Sequence[Law]) -> list[LawEvidence]:
+    """Return the law under which the recordings in question are likeliest, at its likeliest size first."""
 
     def likelihood(shown: LawEvidence) -> float:
         return predictive(shown.changed, shown.shown.whole, 1.0)
 
-    tried = [
-        sorted(_law_evidence(search, law), key=likelihood, reverse=True)
-        for law in laws(search, smooth=smooth)
-        if law.regime != BEND or not ({Place(), law.place} & set(stated))
-    ]
-    return max(tried, key=lambda of_each_size: likelihood(of_each_size[0]), default=[])
+    tried = [sorted(_law_evidence(search, law), key=likelihood, reverse=True) for law in listed]
+    return max(tried, key=lambda of_each_size: likelihood(of_each_size[0]))
 
 
 def _law_evidence(search: Search, law: Law) -> list[LawEvidence]:
@@ -361,7 +365,13 @@ def _marginal(search: Search, new: Sequence[NewColumns], wanted: Combinations | 
 
 
 def laws(search: Search, *, smooth: bool) -> list[Law]:
-    """List the laws for the recordings in question; see ``likeliest_law``."""
+    """List the laws for the recordings in question.
+
+    Args:
+        search: The search.
+        smooth: Whether any smooth law is among them. What a model gets wrong of an arm that is well is one
+            too: alone, or where no nominal recording shows that arm, it is no sign that something is missing.
+    """
     stages = [stage for stage in search.evidence.stages if not stage.session.nominal]
     highest = max(1.0, *(float(stage.session.pressures.max(initial=0.0)) for stage in stages))
     listed = [Law(Place(), "", SmoothFunctions.of(stages).columns, STRAINS, compared=False)] if smooth else []
