@@ -1,5 +1,6 @@
 """A run of trials that was killed goes on from its whole outcomes, as long as they are of the same trials."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,3 +64,18 @@ def test_only_the_same_trial_with_a_report_is_not_diagnosed_again(
     assert [verdict_of(other) for _ in range(2)] == ["consistent", "consistent"]
     assert verdict_of(one) == "unexplained"  # whose report the other one replaced
     assert done == [*one.questioned * 2, *other.questioned, *one.questioned]
+
+
+def test_a_diagnosis_is_charged_for_the_processor_time_of_its_workers():
+    busy = "import time\nwhile time.process_time() < 0.3: pass"
+    code = f"import subprocess, sys; subprocess.run([sys.executable, '-c', {busy!r}])\n"
+    code += "print('first', file=sys.stderr); sys.exit('last')"
+    status, last, core_s = run.run_in_time([sys.executable, "-c", code])
+    assert (status, last) == (1, "last")
+    assert core_s >= 0.3
+
+
+def test_a_diagnosis_that_takes_too_long_is_ended(monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setattr(run, "TIME_LIMIT_S", 0.2)
+    status, last, _ = run.run_in_time([sys.executable, "-c", "import time; time.sleep(60)"])
+    assert (status, last) == (-1, "ended after 0.2 s")

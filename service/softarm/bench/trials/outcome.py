@@ -22,6 +22,7 @@ class TrialOutcome:
         message: Its last line on standard error when it wrote no report.
         report: ``report.json`` as a table; empty when there is none.
         digest: Of all that went into it; see ``digest_of``.
+        core_s: Its processor time; 0 in outcomes from before that was measured.
     """
 
     trial: str
@@ -31,6 +32,7 @@ class TrialOutcome:
     message: str
     report: dict[str, Any]
     digest: str = ""
+    core_s: float = 0.0
 
     def line(self) -> str:
         """Write it as one line of JSON."""

@@ -1,6 +1,7 @@
 """Runs ``softarm diagnose`` on blind trials, each in a process of its own, and keeps the outcomes."""
 
 import json
+import os
 import subprocess
 import sys
 import time
@@ -8,7 +9,8 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import replace
 from pathlib import Path
-from threading import Lock
+from tempfile import TemporaryFile
+from threading import Event, Lock, Timer
 
 from softarm.analysis.diagnosis.digest import digest_of
 from softarm.analysis.diagnosis.report import FILE
@@ -85,22 +87,44 @@ def diagnose_trial(trial: Trial, out: Path, extra: Sequence[str] = ()) -> TrialO
     if trial.nominal:
         words += ["--nominal", *map(str, trial.nominal)]
     begin = time.monotonic()
-    try:
-        done = subprocess.run(
-            [sys.executable, "-m", "softarm", *words],
-            capture_output=True,
-            text=True,
-            check=False,
-            timeout=TIME_LIMIT_S,
-        )
-        status, last = done.returncode, done.stderr.strip().splitlines()[-1:]
-    except subprocess.TimeoutExpired:
-        status, last = -1, [f"ended after {TIME_LIMIT_S:g} s"]
+    status, last, core_s = run_in_time([sys.executable, "-m", "softarm", *words])
     seconds = time.monotonic() - begin
     file = out / FILE
     report = json.loads(file.read_text()) if status == 0 and file.exists() else {}
     recorded = sum(_duration(path) for path in (*trial.nominal, *trial.questioned))
-    return TrialOutcome(trial.name, seconds, recorded, status, "" if report else "".join(last), report)
+    return TrialOutcome(trial.name, seconds, recorded, status, "" if report else last, report, core_s=core_s)
+
+
+def run_in_time(command: Sequence[str]) -> tuple[int, str, float]:
+    """Run a command within ``TIME_LIMIT_S``.
+
+    Returns:
+        Its exit status, -1 when it was ended for its time; its last line on standard error; and the processor
+        time of it and of the processes that it waited for [s].
+    """
+    late = Event()
+    with (
+        TemporaryFile() as said,
+        subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=said) as process,
+    ):
+
+        def end() -> None:
+            late.set()
+            process.kill()
+
+        timer = Timer(TIME_LIMIT_S, end)
+        timer.start()
+        try:
+            _, status, usage = os.wait4(process.pid, 0)
+        finally:
+            timer.cancel()
+        process.returncode = os.waitstatus_to_exitcode(status)
+        said.seek(0)
+        lines = said.read().decode(errors="replace").strip().splitlines()
+    core_s = usage.ru_utime + usage.ru_stime
+    if late.is_set():
+        return -1, f"ended after {TIME_LIMIT_S:g} s", core_s
+    return process.returncode, "".join(lines[-1:]), core_s
 
 
 def _duration(path: Path) -> float:
