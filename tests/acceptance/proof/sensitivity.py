@@ -31,7 +31,7 @@ PACKAGE = "softarm.estimator.diagnosis"
 OF_THE_NOISE = ("evidence", "nominal")
 OF_THE_CHOICE = (
     "choose", "candidates", "judge", "excursions", "probability", "screen", "law_error", "sizes", "unnamed",
-    "conclude", "diagnose",
+    "explanations", "confirm", "diagnose",
 )  # fmt: skip
 """Modules whose constants decide: before anything is fitted, and after."""
 OF_THE_VALVES = ("valves", "valve_stage")

@@ -7,8 +7,8 @@ from softarm.analysis.diagnosis.report import report_of
 from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import diagnose as whole
 from softarm.estimator.diagnosis.candidates import ChosenEffects
-from softarm.estimator.diagnosis.conclude import error_over_expected
 from softarm.estimator.diagnosis.diagnose import DiagnosisOutcome, assemble, begin, diagnose, settled
+from softarm.estimator.diagnosis.held_out import error_over_expected
 from softarm.estimator.diagnosis.innovations import (
     channel_errors,
     learnt_coefficients,

@@ -8,7 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from softarm.estimator.diagnosis import choose, conclude, diagnose, sizes
+from softarm.estimator.diagnosis import choose, confirm, diagnose, explanations, sizes
 from softarm.estimator.diagnosis.candidates import (
     ALIKE,
     MOST_SURPRISE,
@@ -24,14 +24,10 @@ from softarm.estimator.diagnosis.candidates import (
     surprise,
 )
 from softarm.estimator.diagnosis.choose import DELAY_SHARE, FINALISTS, SECOND, Search
-from softarm.estimator.diagnosis.conclude import (
-    lost_by_chance,
-    undecided,
-    unknown,
-    unproven,
-    without_improbable,
-)
+from softarm.estimator.diagnosis.conclude import unknown
+from softarm.estimator.diagnosis.confirm import lost_by_chance, unproven
 from softarm.estimator.diagnosis.diagnose import Decision
+from softarm.estimator.diagnosis.explanations import undecided, without_improbable
 from softarm.estimator.diagnosis.fit import Fit
 from softarm.estimator.diagnosis.folds import Folds
 from softarm.estimator.diagnosis.gaussian import NOTHING, Gaussian
@@ -1011,11 +1007,11 @@ def test_what_takes_the_place_of_a_choice_that_failed_has_to_explain_more(
         without=lambda choice, lost: chosen() if lost else choice,
     )
     gains = {"tip_payload": 100.0, "distributed_mass": instead}
-    monkeypatch.setattr(conclude, "unproven", lambda _, choice, __: [0] if choice is failing else [])
+    monkeypatch.setattr(confirm, "unproven", lambda _, choice, __: [0] if choice is failing else [])
     monkeypatch.setattr(
-        conclude, "gain_of_all", lambda _, choice: sum(gains[name] for name in names(choice.accepted))
+        confirm, "gain_of_all", lambda _, choice: sum(gains[name] for name in names(choice.accepted))
     )
-    held, lost = conclude.proven(cast("Any", search))
+    held, lost = confirm.proven(cast("Any", search))
     assert names(held.accepted) == stands
     assert names(lost) == dropped
 
@@ -1084,7 +1080,7 @@ def test_of_several_effects_one_that_is_no_likelier_than_a_rival_is_withdrawn(
     gains = [200.0, *(200.0 - fits_worse_by for _ in rivals), 1000.0]
     search = weighing((*field, payload), gains)
     search.without = without
-    monkeypatch.setattr(conclude, "without_fragments", lambda _, choice: (choice, choice.fit, []))
+    monkeypatch.setattr(explanations, "without_fragments", lambda _, choice: (choice, choice.fit, []))
     choice = ChosenEffects(tuple(chosen_effects), fit, 0.0, None)
     kept, sizes, dropped = without_improbable(search, choice, fit)
     assert dropped == ([] if stays else ["chamber_gain"])
@@ -1117,7 +1113,7 @@ def test_a_rival_that_is_likelier_than_not_takes_the_place_of_one_of_several(mon
     search = weighing((*field, payload), [200.0, 230.0, 1000.0])
     search.exchanged = exchanged
     search.without = lambda choice, _: replace(choice, accepted=choice.accepted[1:], fit=payload.fit)
-    monkeypatch.setattr(conclude, "without_fragments", lambda _, choice: (choice, choice.fit, []))
+    monkeypatch.setattr(explanations, "without_fragments", lambda _, choice: (choice, choice.fit, []))
     kept, _, dropped = without_improbable(search, choice, choice.fit, frozenset(refused))
     assert kept.accepted[0].candidate.fit.hypotheses[0].name == name
     assert dropped == (["chamber_gain"] if refused else [])
@@ -1134,7 +1130,7 @@ def test_a_rival_that_is_less_likely_once_it_is_fitted_takes_no_place(monkeypatc
 
     search = weighing((*field, payload), [200.0, 230.0, 1000.0])
     search.exchanged = lambda chosen, *_: replace(chosen, fit=field[1].fit.joined(payload.fit))
-    monkeypatch.setattr(conclude.Explanations, "of", of)
+    monkeypatch.setattr(explanations.Explanations, "of", of)
     kept, _, dropped = without_improbable(search, choice, choice.fit)
     assert kept is choice
     assert dropped == []

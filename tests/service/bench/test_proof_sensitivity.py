@@ -20,7 +20,7 @@ from softarm.bench.trials.folders import Trial
 from softarm.estimator.diagnosis import (
     candidates,
     choose,
-    conclude,
+    confirm,
     judge,
     nominal,
     unnamed,
@@ -68,7 +68,7 @@ def test_a_constant_of_another_module_with_the_same_name_stays():
 
 def test_what_a_module_has_imported_from_elsewhere_under_the_same_name_stays():
     before = unnamed.NOTHING
-    with moved(constant("conclude", "NOTHING"), 1.0 + STEP):
+    with moved(constant("confirm", "NOTHING"), 1.0 + STEP):
         assert unnamed.NOTHING is before
     assert unnamed.NOTHING is before
 
@@ -98,9 +98,9 @@ def test_a_constant_that_decides_is_shown_with_what_it_changes(monkeypatch, tmp_
 
 def test_changes_count_for_the_constant_of_one_module_alone(monkeypatch, tmp_path):
     changing = rows_that_change(
-        monkeypatch, tmp_path, lambda: "explained" if conclude.SURE <= 10.0 else "consistent"
+        monkeypatch, tmp_path, lambda: "explained" if confirm.SURE <= 10.0 else "consistent"
     )
-    assert [row["constant"] for row in changing] == ["conclude.SURE"]
+    assert [row["constant"] for row in changing] == ["confirm.SURE"]
 
 
 def test_constants_of_valves_are_moved_on_the_recordings_themselves(monkeypatch, tmp_path):

@@ -11,20 +11,14 @@ from softarm.estimator.arrays import Floats
 from softarm.estimator.calibration.unknowns import Area
 from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
-from softarm.estimator.diagnosis.conclude import (
-    error_over_expected,
-    findings_of,
-    held_out,
-    heldout_result,
-    proven,
-    undecided,
-    unknown,
-    without_improbable,
-)
+from softarm.estimator.diagnosis.conclude import findings_of, unknown
+from softarm.estimator.diagnosis.confirm import proven
 from softarm.estimator.diagnosis.detection import detection_limits
 from softarm.estimator.diagnosis.events import EventErrors, event_errors
 from softarm.estimator.diagnosis.evidence import RegressionProblem
+from softarm.estimator.diagnosis.explanations import undecided, without_improbable
 from softarm.estimator.diagnosis.form import form_columns
+from softarm.estimator.diagnosis.held_out import error_over_expected, held_out, heldout_result
 from softarm.estimator.diagnosis.innovations import before_and_after, worst_over_nominal, worst_stretch
 from softarm.estimator.diagnosis.library import Hypothesis, Library, build_library, library_columns
 from softarm.estimator.diagnosis.locate import locate
