@@ -1,21 +1,35 @@
 """Probabilities of explanations mean what they say, even where a noise model is far too sure."""
 
+from types import SimpleNamespace
+from typing import Any, cast
+
 import numpy as np
 import pytest
 from scipy.special import softmax
 
-from softarm.estimator.diagnosis.candidates import Candidate
+from softarm.estimator.diagnosis.candidates import (
+    Candidate,
+)
+from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.fit import Fit
+from softarm.estimator.diagnosis.judge import (
+    FoldCosts,
+)
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.probability import (
     CREDIBLE,
     credible_set,
     groups_of_alike,
+    probabilities,
     pseudo_bma,
     shared,
 )
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import Place
+from tests.estimator.diagnosis.made import (
+    candidate,
+    fit_of,
+)
 
 FOLDS = 10
 
@@ -77,3 +91,76 @@ def test_a_credible_set_holds_the_likeliest_and_no_more_than_needed():
     }
     assert {name for name, _ in credible_set(weighed)} == {"chamber_gain", "pressure_bias"}
     assert CREDIBLE <= 0.6 + 0.36
+
+
+@pytest.mark.parametrize(("least", "sure"), [(0.0, True), (4000.0, False)])
+def test_a_hundredth_of_the_gain_makes_nobody_sure(least, *, sure):
+    """A law that is a tenth wrong leaves as much in all folds; the same gain over nothing decides."""
+    none = np.full(5, 400.0)
+    costs = [
+        FoldCosts(none, none, none, none, np.full(5, total / 5), 0.0 * none)
+        for total in (least, least + 40.0)
+    ]
+    field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
+    likelier = probabilities(field, costs, 5.0, np.random.default_rng(0))[1]
+    assert bool(likelier > CREDIBLE) is sure
+    assert likelier > 0.5
+
+
+@pytest.mark.parametrize(("usual", "likeliest"), [(0.0, 0), (300.0, 1), (2000.0, 1)])
+def test_explanations_are_compared_with_what_every_arm_may_have_of_them(usual, likeliest):
+    """Most of a drift every arm may have; it still explains more than a lost gain that no arm has."""
+    none = np.full(5, 400.0)
+    gains = (np.full(5, 40.0), np.full(5, 20.0))
+    shares = (np.zeros(5), np.full(5, usual / 5))
+    costs = [FoldCosts(none, none, none, none, *one) for one in zip(gains, shares, strict=True)]
+    field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
+    probable = probabilities(field, costs, 5.0, np.random.default_rng(0))
+    assert probable[likeliest] > 0.9
+    likely = Search.likely(
+        cast(
+            "Any",
+            SimpleNamespace(
+                rng=np.random.default_rng(0),
+                bic_penalty=5.0,
+                predicted=lambda one, _: costs[one.number],
+                only_moves=lambda _: False,
+            ),
+        ),
+        field,
+        None,
+    )
+    assert likely[0].number == likeliest
+
+
+def test_no_change_is_likeliest_where_a_usual_share_explains_as_much():
+    none = np.full(5, 400.0)
+    field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
+    gains, shares = (np.full(5, 40.0), np.zeros(5)), (np.zeros(5), np.full(5, 60.0))
+    costs = [FoldCosts(none, none, none, none, *one) for one in zip(gains, shares, strict=True)]
+    assert probabilities(field, costs, 5.0, np.random.default_rng(0)).sum() < 0.1
+
+
+def test_an_unlikely_size_makes_an_explanation_less_probable():
+    none = np.full(5, 400.0)
+    costs = [FoldCosts(none, none, none, none, np.full(5, 20.0), 0.0 * none)] * 2
+    spread = EFFECTS["tip_payload"].parameters[0].spread
+    field = [candidate(fit_of("tip_payload", size * spread), 100.0, 0) for size in (0.1, 2.0)]
+    usual, unlikely = probabilities(field, costs, 5.0, np.random.default_rng(0))
+    assert usual > 5.0 * unlikely
+
+
+def test_the_natural_frequency_counts_where_the_arm_at_rest_looks_alike():
+    """A weight and a force bend the arm alike; only the weight changes how fast it vibrates."""
+    none = np.full(5, 400.0)
+    search = SimpleNamespace(
+        rng=np.random.default_rng(0),
+        bic_penalty=5.0,
+        predicted=lambda one, _: FoldCosts(
+            none, none, none, none, none, 0.0 * none, (0.0, 1500.0)[one.number]
+        ),
+        only_moves=lambda _: False,
+    )
+    field = [candidate(fit_of("tip_payload", 0.01), 100.0, number) for number in (0, 1)]
+    likely = Search.likely(cast("Any", search), field, None)
+    assert [one.number for one in likely] == [1]

@@ -8,14 +8,20 @@ import numpy as np
 import pytest
 
 from softarm.estimator.diagnosis import sizes
-from softarm.estimator.diagnosis.candidates import Accepted, Candidate, ChosenEffects
+from softarm.estimator.diagnosis.candidates import (
+    Accepted,
+    Candidate,
+    ChosenEffects,
+)
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.evidence import RegressionProblem
 from softarm.estimator.diagnosis.fit import Fit, MarginalisedProblem
 from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.library import Hypothesis, Library
 from softarm.estimator.diagnosis.sizes import (
+    DECIDES,
     Part,
+    fragments,
     plain_residuals,
     reversed_sign,
     robust_covariance,
@@ -25,6 +31,7 @@ from softarm.estimator.diagnosis.sizes import (
 from softarm.estimator.diagnosis.weights import Weights
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import Place
+from tests.estimator.diagnosis.made import fit_of, hypothesis
 from tests.estimator.simulation.straight_arm import world
 
 SAMPLES, NOISE = 400, 1e-3
@@ -282,3 +289,46 @@ def test_a_leak_that_is_not_distinguishable_from_none_is_a_late_line(monkeypatch
     assert [h.name for h in left.fit.hypotheses] == [expected]
     assert left.accepted[0].candidate is (late if expected == "line_lag" else leaking)
     assert not dropped
+
+
+@pytest.mark.parametrize(("beside", "lost"), [(0.9, True), (1.1, False)])
+@pytest.mark.parametrize("contributions", [[100.0, 80.0], [80.0, 100.0]])
+def test_an_effect_has_to_explain_more_than_the_others_laws_may_leave(
+    monkeypatch, contributions, beside, lost
+):
+    """A force along a stiffer arm gains more than the stiffness, and little where its law may err."""
+    both, penalty = fit_of("tip_payload", 1.0).joined(fit_of("line_lag", 1.0)), 5.0
+
+    def beside_errors(_problem, fit, number):
+        assert fit is both
+        return (beside if number else 2.0) * DECIDES + penalty
+
+    monkeypatch.setattr(sizes, "gain_beside_law_errors", beside_errors)
+    search = SimpleNamespace(
+        contribution=lambda _, k: contributions[k], problem=lambda: None, bic_penalty=penalty
+    )
+    found = fragments(cast("Any", search), both)
+    assert found == ({1: pytest.approx(beside * DECIDES)} if lost else {})
+
+
+def of_sensor(name: str, sensor: str, *theta: float) -> Fit:
+    return replace(fit_of(name, *theta), hypotheses=(hypothesis(name, Place(sensor=sensor)),))
+
+
+LIGHT, SCALED = fit_of("tip_payload", 0.002), of_sensor("sensor_scale", "bend_tip", 0.1)
+
+
+@pytest.mark.parametrize(
+    ("fit", "lost"),
+    [
+        (LIGHT, []),
+        (LIGHT.joined(SCALED), [1]),
+        (of_sensor("sensor_drift", "bend_tip", 0.001, 0.0).joined(SCALED), [0, 1]),
+        (of_sensor("sensor_drift", "bend_intermediate", 0.001, 0.0).joined(SCALED), []),
+    ],
+)
+def test_a_weak_effect_may_be_what_the_law_of_another_one_leaves(monkeypatch, fit, lost):
+    """What a sensor does to its own readings leaves nothing for the arm and other sensors to explain."""
+    monkeypatch.setattr(sizes, "gain_beside_law_errors", lambda *_: 2.0 * DECIDES)
+    search = SimpleNamespace(contribution=lambda *_: 0.9 * DECIDES, problem=lambda: None, bic_penalty=5.0)
+    assert list(fragments(cast("Any", search), fit)) == lost

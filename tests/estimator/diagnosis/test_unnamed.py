@@ -7,12 +7,17 @@ from softarm.analysis.diagnosis.workers import Inline
 from softarm.estimator.diagnosis import unnamed
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.diagnose import assemble, begin
-from softarm.estimator.diagnosis.judge import CERTAIN
+from softarm.estimator.diagnosis.judge import (
+    CERTAIN,
+)
 from softarm.estimator.diagnosis.library import Hypothesis
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw, unnamed_law
 from softarm.estimator.effects import EFFECTS
 from softarm.estimator.specimen.physics import EffectName, Place
 from tests.estimator.diagnosis.linear_arm import LOCKING, Concealed, model, session
+from tests.estimator.diagnosis.made import (
+    hypothesis,
+)
 
 LAW = ((LOCKING, Place(segment="lower"), (0.05, 0.5)),)
 """Half of what the lower segment bends beyond 0.05 rad is lost."""
@@ -92,3 +97,18 @@ def test_the_names_that_a_law_outdoes_are_listed_once() -> None:
     nearest = tuple(Hypothesis(EFFECTS[name], Place()) for name in names)
     law = UnnamedLaw(100.0, 10.0, 0.99, nearest, Place(), "")
     assert law.sentence().endswith("predicts unseen recordings better than sensor drift, line lag.")
+
+
+@pytest.mark.parametrize(
+    ("law", "named", "probability", "outdoes"),
+    [
+        (1000.0, 400.0, 0.96, True),
+        (1000.0, 700.0, 0.99, True),  # foreign physics that a name resembles
+        (1000.0, 900.0, 0.45, False),  # more, but not in all recordings
+        (1000.0, 400.0, 0.55, True),
+        (400.0, 1000.0, 0.0, False),
+        (CERTAIN - 1.0, 0.0, 0.99, False),
+    ],
+)
+def test_a_law_outdoes_effects_where_it_is_likelier_than_not_to_act_alone(law, named, probability, outdoes):
+    assert UnnamedLaw(law, named, probability, (hypothesis("tip_payload"),), Place(), "").outdoes is outdoes
