@@ -35,7 +35,7 @@ from softarm.estimator.diagnosis.natural_frequency import NaturalFrequency
 from softarm.estimator.diagnosis.nominal import UNKNOWN, background_of, usual_recordings
 from softarm.estimator.diagnosis.normal_equations import NewColumns, Total, added
 from softarm.estimator.diagnosis.probability import BARE, probabilities, spent
-from softarm.estimator.diagnosis.remainder import Remainder
+from softarm.estimator.diagnosis.remainder import FreeSizes, Remainder
 from softarm.estimator.diagnosis.screen import null_scores, screen, usual_gains
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
@@ -194,7 +194,7 @@ class Search:
             return self.left(None)
         key = _key(fit)
         if key not in self.freed:
-            self.freed[key] = self.left(fit).with_free_sizes(fit)
+            self.freed[key] = FreeSizes.beside(self.left(fit), fit)
         return self.freed[key]
 
     def problem(self) -> MarginalisedProblem:

@@ -98,15 +98,6 @@ class Remainder:
             weighted.append(RecordingResidual(stage, scaled, weight, common, placed_in(stage, self.fit)))
         return MarginalisedProblem(tuple(weighted), self.folds.whole)
 
-    def with_free_sizes(self, fit: Fit) -> "FreeSizes":
-        """Add columns for the parameters of the accepted effects."""
-        prior = self.prior
-        parametrisation = Parametrisation.of(fit.hypotheses)
-        pulls = parametrisation.centres - parametrisation.units(np.concatenate(fit.thetas))
-        for pull, spread in zip(pulls.tolist(), parametrisation.spreads.tolist(), strict=True):
-            prior = prior.augment(pull, spread**2)
-        return FreeSizes(self.evidence, self.weights, prior, fit, self.residuals, self.parts)
-
 
 @dataclass(frozen=True, eq=False)
 class FreeSizes(Remainder):
@@ -117,6 +108,15 @@ class FreeSizes(Remainder):
     """
 
     fit: Fit
+
+    @classmethod
+    def beside(cls, left: Remainder, fit: Fit) -> "FreeSizes":
+        """Add columns for the parameters of accepted effects to what these leave."""
+        prior, parametrisation = left.prior, Parametrisation.of(fit.hypotheses)
+        pulls = parametrisation.centres - parametrisation.units(np.concatenate(fit.thetas))
+        for pull, spread in zip(pulls.tolist(), parametrisation.spreads.tolist(), strict=True):
+            prior = prior.augment(pull, spread**2)
+        return cls(left.evidence, left.weights, prior, fit, left.residuals, left.parts)
 
     @cached_property
     def slopes(self) -> dict[int, Floats]:
