@@ -18,6 +18,7 @@ from softarm.estimator.diagnosis.innovations import (
 from softarm.estimator.diagnosis.judge import CERTAIN
 from softarm.estimator.diagnosis.motion import HELDOUT, residual_column
 from softarm.estimator.diagnosis.prepare import blocks_of
+from softarm.estimator.diagnosis.recent import Recent
 from softarm.estimator.diagnosis.session import Session, channels
 from softarm.estimator.diagnosis.split import hold_out
 from softarm.estimator.diagnosis.unnamed import UnnamedLaw
@@ -227,7 +228,7 @@ def test_stretches_are_predicted_by_other_folds_alone() -> None:
     chosen = evidence.stages[part.session].session.blocks == part.block
     moved = [residual.copy() for residual in evidence.residuals]
     moved[part.session][chosen] += 0.01 * evidence.columns[part.session][chosen][..., 0]
-    other = replace(search, evidence=replace(evidence, residuals=tuple(moved), kept={}), remainders={})
+    other = replace(search, evidence=replace(evidence, residuals=tuple(moved), kept={}), remainders=Recent(1))
     before, after = (residuals_out_of_fold(one, None)[part.session] for one in (search, other))
     by = moved[part.session] - evidence.residuals[part.session]
     assert (after - before)[chosen] == pytest.approx(by[chosen], abs=1e-9)
