@@ -151,6 +151,7 @@ def diagnose(
     assembled, search, decision = chosen(sessions)
     touches = find_touches(search, decision.choice.fit, model.specimen)
     if touches:
+        del assembled, search  # together with those that follow they would fill twice the memory
         assembled, search, decision = chosen([without_touches(session, touches) for session in sessions])
     notes = (*notes, *assembled.notes, *_notes(search, decision.choice))
     if decision.dropped:

@@ -26,7 +26,7 @@ from softarm.estimator.diagnosis.normal_equations import NewColumns, NormalEquat
 from softarm.estimator.diagnosis.stage import Stage
 from softarm.estimator.diagnosis.weights import Weights
 
-KEPT = 8
+KEPT = 4
 """Largest number of remainders that a search keeps: with its folds, one of ten minutes takes 0.1 GB."""
 
 
@@ -142,13 +142,11 @@ class FreeSizes(Remainder):
         return slopes
 
     @cached_property
-    def searched(self) -> list[NormalEquations]:
-        """Those of the stretches that a fit may see, with columns for the parameters."""
-        plain = [part for part in self.parts if not part.heldout]
-        new = self.evidence.with_columns(
-            self.weights, lambda stage: self.slopes[id(stage)], plain, self.residuals
-        )
-        return [part.bordered(own) for part, own in zip(plain, new, strict=True)]
+    def folds(self) -> Folds:
+        """The searched stretches, with columns for the parameters."""
+        new = super().new_columns(lambda stage: self.slopes[id(stage)])
+        bordered = [part.bordered(own) for part, own in zip(self.searched, new, strict=True)]
+        return Folds.of(bordered, self.prior, self.weights.effective_sample_fraction)
 
     def columns(self, number: int) -> NDArray[np.float32]:
         """Return the common columns of a session and those for the parameters."""
