@@ -42,8 +42,8 @@ def test_an_amplitude_is_distinguishable_from_zero_by_its_deviation():
     assert not is_distinguishable(fit_of("tip_payload", 0.9 * SIGNIFICANT_Z, deviation=1.0), 0)
 
 
-@pytest.mark.parametrize("told", [0.9, 1.1])
-def test_a_law_with_a_free_exponent_is_judged_by_its_likelihood(told):
+@pytest.mark.parametrize("ratio", [0.9, 1.1])
+def test_a_law_with_a_free_exponent_is_judged_by_its_likelihood(ratio):
     """Softening at small bends: amplitude and exponent trade against each other, and either is unsure."""
     law = hypothesis("material_softening", Place(segment="lower"))
     growth, exponent = 2.0, 1.5
@@ -52,11 +52,11 @@ def test_a_law_with_a_free_exponent_is_judged_by_its_likelihood(told):
     scales = [law.effect.parameters[0].scale, exponent]  # the exponent is fitted as a logarithm
     slopes = np.column_stack([bends**exponent, shown * np.log(bends)]) * scales
     two = 11.83  # of chi-square with two degrees of freedom, as improbable as three deviations of one
-    noise = np.sqrt(float(shown @ shown) / two) / np.sqrt(told)
+    noise = np.sqrt(float(shown @ shown) / two) / np.sqrt(ratio)
     covariance = noise**2 * np.linalg.inv(slopes.T @ slopes)
     fit = Fit((law,), (np.array([growth, exponent]),), covariance, 100.0)
     assert growth / fit.stds(0)[0] < 1.5
-    assert is_distinguishable(fit, 0) is (told > 1.0)
+    assert is_distinguishable(fit, 0) is (ratio > 1.0)
 
 
 @pytest.mark.parametrize(("share", "moved"), [(0.9, False), (1.1, True), (-1.1, True)])

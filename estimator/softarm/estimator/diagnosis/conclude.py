@@ -7,16 +7,10 @@ from softarm.estimator.diagnosis.candidates import ChosenEffects
 from softarm.estimator.diagnosis.choose import Search
 from softarm.estimator.diagnosis.explanations import Explanations, rivals_of
 from softarm.estimator.diagnosis.held_out import Predictions, held_out
-from softarm.estimator.diagnosis.innovations import (
-    channel_errors,
-    learnt_coefficients,
-    residuals_of,
-)
+from softarm.estimator.diagnosis.innovations import channel_errors, learnt_coefficients, residuals_of
 from softarm.estimator.diagnosis.judge import bootstrap
 from softarm.estimator.diagnosis.library import Hypothesis
-from softarm.estimator.diagnosis.probability import (
-    CREDIBLE,
-)
+from softarm.estimator.diagnosis.probability import CREDIBLE
 from softarm.estimator.diagnosis.result import (
     ChannelErrors,
     Evidence,

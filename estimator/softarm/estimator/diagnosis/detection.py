@@ -2,8 +2,8 @@
 
 An effect of amplitude a, alone, lowers the cost by a noncentral chi-square of noncentrality a^2 M, with M the
 information that the searched stretches hold on its amplitude once all that is common to the recordings is
-integrated out. It is named where this gain pays for its parameters and for a size that nobody expects, is
-then still very strong evidence, exceeds what the search finds in 99 % of recordings without any effect, and
+integrated out. It is named where this gain pays for its parameters and for a size that nobody expects, with
+the least gain of a name to spare, exceeds what the search finds in 99 % of recordings without any effect, and
 is material. With G the largest of these, sqrt(gain) scatters about a sqrt(M) by at most 1, so
 
     a = (sqrt(G) + 1.28) / sqrt(M)

@@ -74,10 +74,11 @@ def error_over_expected(search: Search, fit: Fit | None) -> float:
     far is no sign that something is missing. By Woodbury's identity e^T S^-1 e = e^T N^-1 e - v^T (P^-1 + C^T
     N^-1 C)^-1 v, with v = C^T N^-1 e.
     """
-    learnt = search.left(fit).folds.whole
+    left = search.left(fit)
+    learnt = left.folds.whole
     known = learnt.fraction * learnt.data.matrix + learnt.prior.precision
     cross, squares, count = np.zeros(len(learnt.mean)), 0.0, 0
-    for number, residual in enumerate(search.left(fit).residuals):
+    for number, residual in enumerate(left.residuals):
         stage, columns = search.evidence.stages[number], search.evidence.columns[number]
         unseen = (stage.session.heldout & ~stage.session.reported)[:, None] & np.isfinite(residual)
         if stage.session.nominal or not unseen.any():

@@ -47,15 +47,13 @@ def residuals_out_of_fold(search: Search, fit: Fit | None) -> list[Floats]:
         Of each session, shape (samples, rows); of other stretches with the coefficients of all searched ones.
     """
     residuals = residuals_of(search, fit, learnt_coefficients(search, fit))
-    parts, folds = search.left(fit).searched, search.left(fit).folds
-    for numbers, rest in zip(folds.numbers, folds.rest, strict=True):
-        for part in (parts[k] for k in numbers):
+    left = search.left(fit)
+    for numbers, rest in zip(left.folds.numbers, left.folds.rest, strict=True):
+        for part in (left.searched[k] for k in numbers):
             stage = search.evidence.stages[part.session]
             chosen = stage.session.blocks == part.block
             columns = search.evidence.columns[part.session][chosen]
-            residuals[part.session][chosen] = (
-                search.left(fit).residuals[part.session][chosen] - columns @ rest.mean
-            )
+            residuals[part.session][chosen] = left.residuals[part.session][chosen] - columns @ rest.mean
     return residuals
 
 

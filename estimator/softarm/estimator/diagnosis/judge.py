@@ -10,7 +10,7 @@ from softarm.estimator.diagnosis.gaussian import Gaussian
 from softarm.estimator.diagnosis.marginal import cost_of
 
 CERTAIN = 40.0
-"""Gain in the criterion that decides even where the gain on single folds scatters: four times the least."""
+"""Gain in the criterion that decides even where the gain on single folds scatters."""
 ANY_SIZE = 100.0
 """Variance of a candidate's size, in units of its fit, that leaves it to the data."""
 MATERIAL = 0.10
